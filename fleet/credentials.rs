@@ -2,23 +2,23 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use vfd_gateway::cli::tools::{Failure, input};
-use vfd_gateway::daemon::mqtt::Secret;
+use vfd_gateway::cli::tools::{CommandFailure, input};
+use vfd_gateway::daemon::mqtt::HiddenText;
 
 /// Users with their passwords.
 #[derive(Debug)]
 pub struct Credentials {
     path: PathBuf,
-    users: BTreeMap<String, Secret>,
+    users: BTreeMap<String, HiddenText>,
 }
 
 impl Credentials {
     /// Reads the file. Empty lines and those that begin with `#` are ignored.
-    pub fn read(path: &Path) -> Result<Self, Failure> {
+    pub fn read(path: &Path) -> Result<Self, CommandFailure> {
         let text = input::read(path)?;
         let users = parse(&text).map_err(|line| {
             // The line is not shown: it may contain a password.
-            Failure::wrong(format!(
+            CommandFailure::wrong(format!(
                 "{}:{line}: not of the form `user:password`",
                 path.display()
             ))
@@ -30,10 +30,10 @@ impl Credentials {
     }
 
     /// The password of a user.
-    pub fn of(&self, user: &str) -> Result<Secret, Failure> {
+    pub fn of(&self, user: &str) -> Result<HiddenText, CommandFailure> {
         let password = self.users.get(user).cloned();
         password.ok_or_else(|| {
-            Failure::wrong(format!(
+            CommandFailure::wrong(format!(
                 "{}: no line for the user {user}",
                 self.path.display()
             ))
@@ -42,14 +42,14 @@ impl Credentials {
 }
 
 /// The users, or the number of the first invalid line.
-fn parse(text: &str) -> Result<BTreeMap<String, Secret>, usize> {
+fn parse(text: &str) -> Result<BTreeMap<String, HiddenText>, usize> {
     let lines = (1_usize..)
         .zip(text.lines())
         .filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
     lines
         .map(|(number, line)| {
             let (user, password) = line.split_once(':').ok_or(number)?;
-            Ok((user.to_owned(), Secret::new(password.to_owned())))
+            Ok((user.to_owned(), HiddenText::new(password.to_owned())))
         })
         .collect()
 }

@@ -13,8 +13,8 @@ use play::{Progress, Stage};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use vfd_gateway::cli::tools::own_models::ModelDirs;
-use vfd_gateway::cli::tools::progress::Bar;
-use vfd_gateway::cli::tools::{Failure, log, print};
+use vfd_gateway::cli::tools::progress::ProgressBar;
+use vfd_gateway::cli::tools::{CommandFailure, log, print};
 
 /// The text of `--help` after the options.
 const ABOUT: &str = "\
@@ -40,8 +40,8 @@ Exit codes: 0 done, 1 not everybody was connected, or what was acknowledged is m
 #[command(name = "vfd-fleet", version, after_long_help = ABOUT)]
 struct Args {
     /// Format of log lines on stderr
-    #[arg(long, value_enum, default_value_t = log::Format::Text)]
-    log_format: log::Format,
+    #[arg(long, value_enum, default_value_t = log::LogFormat::Text)]
+    log_format: log::LogFormat,
     /// The broker: mqtt://HOST:PORT or mqtts://HOST:PORT; repeat it for the nodes of a cluster, over which gateways spread
     #[arg(long = "broker", value_name = "URL", default_values_t = ["mqtt://127.0.0.1:1883".to_owned()])]
     brokers: Vec<String>,
@@ -139,13 +139,13 @@ fn main() -> ExitCode {
     }
 }
 
-fn simulate(args: &Args) -> Result<(), Failure> {
+fn simulate(args: &Args) -> Result<(), CommandFailure> {
     let specimen = specimen::specimen(args)?;
     let plan = plan::plan(args, &specimen)?;
-    let mut bar = Bar::new(0);
+    let mut bar = ProgressBar::new(0);
     let outcome = play::run(plan.clone(), |progress| show(&mut bar, progress));
     bar.end();
-    let outcome = outcome.map_err(Failure::failed)?;
+    let outcome = outcome.map_err(CommandFailure::failed)?;
     let report = report::Report {
         plan: &plan,
         specimen: &specimen,
@@ -157,12 +157,12 @@ fn simulate(args: &Args) -> Result<(), Failure> {
         report.text()
     })?;
     match report.complaint() {
-        Some(complaint) => Err(Failure::failed(complaint)),
+        Some(complaint) => Err(CommandFailure::failed(complaint)),
         None => Ok(()),
     }
 }
 
-fn show(bar: &mut Bar, progress: &Progress) {
+fn show(bar: &mut ProgressBar, progress: &Progress) {
     let Progress {
         done, all, balance, ..
     } = progress;
@@ -189,14 +189,14 @@ mod tests {
     use super::*;
     use crate::play::Plan;
     use serde_json::Value;
-    use vfd_gateway::daemon::mqtt::{ConnectionSettings, Keeps};
+    use vfd_gateway::daemon::mqtt::{BrokerKeeps, ConnectionSettings};
 
     fn typed(line: &str) -> Args {
         let words = std::iter::once("simulate").chain(line.split_whitespace());
         Args::try_parse_from(words).unwrap_or_else(|error| panic!("{line}: {error}"))
     }
 
-    fn planned(line: &str) -> Result<Plan, Failure> {
+    fn planned(line: &str) -> Result<Plan, CommandFailure> {
         let args = typed(line);
         plan::plan(&args, &specimen::specimen(&args)?)
     }
@@ -266,7 +266,7 @@ mod tests {
             .map(|it| &it.client_id)
             .collect();
         assert_eq!(ids.len(), 5, "{ids:?}");
-        assert_eq!(plan.consumers[0].keeps, Keeps::Nothing);
+        assert_eq!(plan.consumers[0].keeps, BrokerKeeps::Nothing);
         let elsewhere =
             planned("--gateways 2 --qos 1 --consumer-broker mqtts://centre --consumers 2")
                 .ok()
@@ -277,7 +277,7 @@ mod tests {
                 .iter()
                 .map(|it| (it.port, it.keeps))
                 .collect::<Vec<_>>(),
-            [(8883, Keeps::Session); 2]
+            [(8883, BrokerKeeps::Session); 2]
         );
         assert!(elsewhere.consumers[0].tls.is_some() && elsewhere.gateways[0].tls.is_none());
         assert_eq!(

@@ -6,9 +6,9 @@ use super::{Args, ReadingArg, UpdateArg};
 use crate::books::{Shape, Update};
 use crate::play::{Plan, Reading};
 use std::time::Duration;
-use vfd_gateway::cli::tools::{Failure, input};
+use vfd_gateway::cli::tools::{CommandFailure, input};
 use vfd_gateway::config::{self, BrokerSettings};
-use vfd_gateway::daemon::mqtt::{ConnectionSettings, Keeps};
+use vfd_gateway::daemon::mqtt::{BrokerKeeps, ConnectionSettings};
 use vfd_gateway::daemon::service::build;
 use vfd_gateway::domain::ids::Name;
 use vfd_gateway::domain::problem::Problem;
@@ -18,7 +18,7 @@ use vfd_gateway::north::broker::Qos;
 const RATES: std::ops::RangeInclusive<f64> = 1.0 / 3600.0..=1000.0;
 
 /// The plan that `args` describe.
-pub fn plan(args: &Args, specimen: &Specimen) -> Result<Plan, Failure> {
+pub fn plan(args: &Args, specimen: &Specimen) -> Result<Plan, CommandFailure> {
     let shape = shape(args)?;
     let credentials = args
         .credentials
@@ -42,9 +42,9 @@ pub fn plan(args: &Args, specimen: &Specimen) -> Result<Plan, Failure> {
         )
     });
     let keeps = if args.qos == 1 {
-        Keeps::Session
+        BrokerKeeps::Session
     } else {
-        Keeps::Nothing
+        BrokerKeeps::Nothing
     };
     let consumers = (0..args.consumers as usize).map(|number| {
         let settings = ConnectionSettings {
@@ -82,16 +82,16 @@ pub fn plan(args: &Args, specimen: &Specimen) -> Result<Plan, Failure> {
     })
 }
 
-fn shape(args: &Args) -> Result<Shape, Failure> {
+fn shape(args: &Args) -> Result<Shape, CommandFailure> {
     let rate = args.updates_per_second;
     if !RATES.contains(&rate) {
-        return Err(Failure::wrong(format!(
+        return Err(CommandFailure::wrong(format!(
             "--updates-per-second {rate} is not between 1/3600 and 1000"
         )));
     }
     let updates = (f64::from(args.seconds) * rate).floor();
     if updates < 1.0 {
-        return Err(Failure::wrong(format!(
+        return Err(CommandFailure::wrong(format!(
             "no drive has an update within {} s at {rate} a second",
             args.seconds
         )));
@@ -111,9 +111,13 @@ fn shape(args: &Args) -> Result<Shape, Failure> {
 
 /// The connection settings for the nodes of a broker, by the rules of a configuration. Each client begins at one of the
 /// nodes.
-fn way(args: &Args, specimen: &Specimen, urls: &[String]) -> Result<ConnectionSettings, Failure> {
+fn way(
+    args: &Args,
+    specimen: &Specimen,
+    urls: &[String],
+) -> Result<ConnectionSettings, CommandFailure> {
     let [url, others @ ..] = urls else {
-        return Err(Failure::wrong("no broker is named"));
+        return Err(CommandFailure::wrong("no broker is named"));
     };
     let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
     let others: Vec<_> = others.iter().map(|url| quoted(url)).collect();
@@ -124,7 +128,7 @@ fn way(args: &Args, specimen: &Specimen, urls: &[String]) -> Result<ConnectionSe
         .filter(|_| url.starts_with("mqtts:"))
         .map(std::path::absolute)
         .transpose();
-    let ca = ca.map_err(|error| Failure::wrong(format!("--ca: {error}")))?;
+    let ca = ca.map_err(|error| CommandFailure::wrong(format!("--ca: {error}")))?;
     let ca = ca.map(|ca| format!("ca_file = {}\n", quoted(&ca.to_string_lossy())));
     let user = args.credentials.as_ref().map(|_| "user = \"fleet\"\n");
     let plain = args
@@ -147,9 +151,9 @@ fn way(args: &Args, specimen: &Specimen, urls: &[String]) -> Result<ConnectionSe
         .mqtt
         .filter(|mqtt| mqtt.broker != BrokerSettings::Embedded);
     let mqtt =
-        mqtt.ok_or_else(|| Failure::wrong("--broker: the embedded broker serves no fleet"))?;
+        mqtt.ok_or_else(|| CommandFailure::wrong("--broker: the embedded broker serves no fleet"))?;
     let (connection, _) = build::broker(&mqtt, (&Name::fallback(), None), None, None)
-        .map_err(Failure::wrong)?
+        .map_err(CommandFailure::wrong)?
         .mqtt;
     Ok(connection)
 }
@@ -164,7 +168,7 @@ fn as_user(
     client_id: String,
     user: &str,
     credentials: Option<&Credentials>,
-) -> Result<ConnectionSettings, Failure> {
+) -> Result<ConnectionSettings, CommandFailure> {
     let password = credentials.map(|all| all.of(user)).transpose()?;
     let user = password.as_ref().map(|_| user.to_owned());
     Ok(ConnectionSettings {
@@ -176,7 +180,7 @@ fn as_user(
 }
 
 /// The problems of the configuration that follows from the arguments, as a failure.
-pub fn wrong(problems: &[Problem]) -> Failure {
+pub fn wrong(problems: &[Problem]) -> CommandFailure {
     let line = |problem: &Problem| {
         let right = problem
             .right
@@ -185,5 +189,5 @@ pub fn wrong(problems: &[Problem]) -> Failure {
             .unwrap_or_default();
         format!("{}: {}{right}", problem.key, problem.what)
     };
-    Failure::wrong(problems.iter().map(line).collect::<Vec<_>>().join("\n"))
+    CommandFailure::wrong(problems.iter().map(line).collect::<Vec<_>>().join("\n"))
 }

@@ -6,8 +6,8 @@ use crate::books::Shape;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
-use vfd_gateway::cli::commands::demo::plant::{self, Drive, Line};
-use vfd_gateway::cli::tools::{Failure, input};
+use vfd_gateway::cli::commands::demo::plant::{self, DemoDrive, DemoLine};
+use vfd_gateway::cli::tools::{CommandFailure, input};
 use vfd_gateway::config::{self, Config, MqttSettings};
 use vfd_gateway::daemon::host::clock;
 use vfd_gateway::daemon::lines::build;
@@ -16,11 +16,13 @@ use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::{Name, Station};
 use vfd_gateway::domain::report::{LineReport, LineState as Link};
 use vfd_gateway::drive::description::DriveDescription;
-use vfd_gateway::drive::snapshot::Presence;
+use vfd_gateway::drive::snapshot::DrivePresence;
 use vfd_gateway::drive::view::{ControlView, DriveView, RunState};
-use vfd_gateway::north::broker::{Broker, Event, LineState, Message, Publication};
-use vfd_gateway::north::clock::Moment;
-use vfd_gateway::north::mqtt::{Act, Session, Settings, Tree};
+use vfd_gateway::north::broker::{
+    BrokerEvent, BrokerLimits, BrokerMessage, Publication, SessionLine,
+};
+use vfd_gateway::north::clock::ClockMoment;
+use vfd_gateway::north::mqtt::{MqttAct, MqttSession, Settings, TopicTree};
 use vfd_gateway::profile::model::Model;
 
 /// Most drives on one line, as RS-485 carries them.
@@ -55,12 +57,12 @@ pub struct Volume {
 }
 
 /// The gateway that `args` describe.
-pub fn specimen(args: &Args) -> Result<Specimen, Failure> {
+pub fn specimen(args: &Args) -> Result<Specimen, CommandFailure> {
     let model = model(args)?;
     let lines = lines(args, &model);
     let (config, mqtt) = configuration(args, &lines)?;
-    let whole = birth(&config, &mqtt, &Tree::ALL)?;
-    let documents = birth(&config, &mqtt, &[Tree::State])?;
+    let whole = birth(&config, &mqtt, &TopicTree::ALL)?;
+    let documents = birth(&config, &mqtt, &[TopicTree::State])?;
     // A real gateway also clears other topics at its birth; those are not documents.
     let topic = format!(
         "{}/{}/drive/{}/state",
@@ -72,7 +74,7 @@ pub fn specimen(args: &Args) -> Result<Specimen, Failure> {
         .iter()
         .find(|it| it.topic == topic && !it.payload.is_empty());
     let state =
-        state.ok_or_else(|| Failure::failed("a gateway of this kind publishes no state"))?;
+        state.ok_or_else(|| CommandFailure::failed("a gateway of this kind publishes no state"))?;
     Ok(Specimen {
         model: model.id.clone(),
         state: state.payload.clone(),
@@ -82,7 +84,7 @@ pub fn specimen(args: &Args) -> Result<Specimen, Failure> {
     })
 }
 
-fn model(args: &Args) -> Result<Arc<Model>, Failure> {
+fn model(args: &Args) -> Result<Arc<Model>, CommandFailure> {
     if let Some(id) = &args.model {
         return input::model(id, &args.own);
     }
@@ -93,7 +95,7 @@ fn model(args: &Args) -> Result<Arc<Model>, Failure> {
         .rev()
         .find_map(|id| catalog.find(id))
         .cloned();
-    last.ok_or_else(|| Failure::failed("no model can be commanded"))
+    last.ok_or_else(|| CommandFailure::failed("no model can be commanded"))
 }
 
 fn volume(publications: &[Publication]) -> Volume {
@@ -113,7 +115,7 @@ fn lines(args: &Args, model: &Arc<Model>) -> String {
     let stations: Vec<_> = model.link.stations.value.clone().take(LINE_MAX).collect();
     let lines = (1..)
         .zip(drives.chunks(stations.len().max(1)))
-        .map(|(number, chunk)| Line {
+        .map(|(number, chunk)| DemoLine {
             name: format!("line-{number}"),
             link: model.link.played(),
             drives: chunk
@@ -132,7 +134,7 @@ fn lines(args: &Args, model: &Arc<Model>) -> String {
     )
 }
 
-fn configuration(args: &Args, lines: &str) -> Result<(Config, MqttSettings), Failure> {
+fn configuration(args: &Args, lines: &str) -> Result<(Config, MqttSettings), CommandFailure> {
     let name = Shape::gateway_name(0);
     let version = args.mqtt_version;
     let prefix = &args.prefix;
@@ -144,12 +146,12 @@ fn configuration(args: &Args, lines: &str) -> Result<(Config, MqttSettings), Fai
     let mqtt = config
         .mqtt
         .clone()
-        .ok_or_else(|| Failure::failed("a gateway without a broker"))?;
+        .ok_or_else(|| CommandFailure::failed("a gateway without a broker"))?;
     Ok((config, mqtt))
 }
 
-fn drive_on(drive: usize, station: u8, model: &Arc<Model>) -> Drive {
-    Drive {
+fn drive_on(drive: usize, station: u8, model: &Arc<Model>) -> DemoDrive {
+    DemoDrive {
         name: Shape::drive_name(drive),
         station: Station(station),
         group: "fleet",
@@ -161,8 +163,8 @@ fn drive_on(drive: usize, station: u8, model: &Arc<Model>) -> Drive {
 fn birth(
     config: &Config,
     mqtt: &MqttSettings,
-    publish: &[Tree],
-) -> Result<Vec<Publication>, Failure> {
+    publish: &[TopicTree],
+) -> Result<Vec<Publication>, CommandFailure> {
     let shared = build::shared(config);
     let drives: Vec<_> = shared
         .drives
@@ -174,7 +176,7 @@ fn birth(
         .iter()
         .map(|drive| Arc::new(view(drive, at)))
         .collect();
-    let lines = shared.lines.iter().map(|line| LineState {
+    let lines = shared.lines.iter().map(|line| SessionLine {
         name: line.name.clone(),
         report: LineReport {
             state: Link::Up,
@@ -190,10 +192,10 @@ fn birth(
         ..mqtt.session(name, None)
     };
     let probe = format!("{}/{}/probe", settings.prefix, settings.gateway);
-    let mut session = Session::new(settings, drives, names, at, 1);
+    let mut session = MqttSession::new(settings, drives, names, at, 1);
     session.handle(
         at,
-        Event::Connected(Broker {
+        BrokerEvent::Connected(BrokerLimits {
             maximum_packet_bytes: None,
             retains: true,
         }),
@@ -202,24 +204,24 @@ fn birth(
     for _ in 0..ACTS_MAX {
         match session.next_act(at, &views, &lines) {
             None => return Ok(published),
-            Some(Act::Subscribe(filters)) => {
-                session.handle(at, Event::Subscribed(vec![true; filters.len()]))
+            Some(MqttAct::Subscribe(filters)) => {
+                session.handle(at, BrokerEvent::Subscribed(vec![true; filters.len()]))
             }
-            Some(Act::Publish(it)) if it.topic == probe => {
-                session.handle(at, Event::Message(message(&it)))
+            Some(MqttAct::Publish(it)) if it.topic == probe => {
+                session.handle(at, BrokerEvent::Message(message(&it)))
             }
-            Some(Act::Publish(it)) => published.push(it),
+            Some(MqttAct::Publish(it)) => published.push(it),
             Some(_) => {}
         }
     }
-    Err(Failure::failed(
+    Err(CommandFailure::failed(
         "a gateway of this kind has no end of things to say",
     ))
 }
 
 /// `it` as it comes back to its sender.
-fn message(it: &Publication) -> Message<'_> {
-    Message {
+fn message(it: &Publication) -> BrokerMessage<'_> {
+    BrokerMessage {
         topic: &it.topic,
         payload: &it.payload,
         retain: false,
@@ -231,13 +233,13 @@ fn message(it: &Publication) -> Message<'_> {
 }
 
 /// A running drive that is under control, with a value in every register that is polled.
-fn view(drive: &DriveDescription, at: Moment) -> DriveView {
+fn view(drive: &DriveDescription, at: ClockMoment) -> DriveView {
     let mut view = DriveView {
         line_is_up: true,
         run_state: RunState::Forward,
         ..DriveView::default()
     };
-    view.snapshot.presence = Presence::Online;
+    view.snapshot.presence = DrivePresence::Online;
     for register in drive
         .model
         .registers

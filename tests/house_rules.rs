@@ -8,7 +8,8 @@
     clippy::unwrap_used,
     clippy::expect_used,
     clippy::panic,
-    reason = "a test fails by panicking, its helpers too"
+    clippy::too_many_lines,
+    reason = "a test fails by panicking, its helpers too, and is one story"
 )]
 
 #[path = "house_rules/circles.rs"]

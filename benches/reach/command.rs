@@ -10,7 +10,7 @@ use crate::tapped::TappedLine;
 use std::time::Duration;
 use vfd_gateway::daemon::host::clock;
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::sim::{BusOptions, Pacing};
+use vfd_gateway::sim::{BusOptions, BusPacing};
 
 const PATIENCE: Duration = Duration::from_secs(2);
 const ECHO: &str = "bench/echo";
@@ -119,7 +119,7 @@ pub fn command() -> Vec<Row> {
 fn measure(case: Case) -> Vec<Row> {
     let broker = Broker::start(false);
     let unpaced = BusOptions {
-        pacing: Pacing::None,
+        pacing: BusPacing::None,
         silence: Some(Duration::ZERO),
         ..BusOptions::default()
     };

@@ -9,12 +9,14 @@ use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::daemon::exchange::north_sides::NorthSides;
 use vfd_gateway::daemon::host::clock;
-use vfd_gateway::daemon::journal::{Journal, Settings, Source};
+use vfd_gateway::daemon::journal::{Journal, JournalSource, Settings};
 use vfd_gateway::daemon::lines::build;
 use vfd_gateway::domain::command::{Owner, Reason, Report};
 use vfd_gateway::domain::ids::DriveIndex;
 use vfd_gateway::drive::view::{TripEvent, TripEventKind, TripRecord};
-use vfd_gateway::journal::{Attempt, AttemptId, Entry, Keep, RowNumber, Tried, TripBaseline};
+use vfd_gateway::journal::{
+    AttemptId, EntryToKeep, JournalEntry, RowNumber, TriedWrite, TripBaseline, WriteAttempt,
+};
 
 /// What a trip may take beyond a bare write, in ms.
 const MARGIN_MS: f64 = 2.0;
@@ -94,15 +96,15 @@ pub fn journal() -> Vec<Row> {
 }
 
 struct Writer {
-    source: Source,
+    source: JournalSource,
     row: u64,
 }
 
 impl Writer {
-    fn put(&mut self, entry: fn(u64) -> Entry) -> RowNumber {
+    fn put(&mut self, entry: fn(u64) -> JournalEntry) -> RowNumber {
         self.row += 1;
         let row = RowNumber(self.row);
-        self.source.keep(Keep {
+        self.source.keep(EntryToKeep {
             row,
             drive: DriveIndex(0),
             at: clock::now(),
@@ -112,7 +114,7 @@ impl Writer {
     }
 
     /// How long until it is kept.
-    fn kept(&mut self, entry: fn(u64) -> Entry) -> Duration {
+    fn kept(&mut self, entry: fn(u64) -> JournalEntry) -> Duration {
         let begun = clock::now();
         let row = self.put(entry);
         while !self.source.origin().has_kept(row) {
@@ -121,7 +123,7 @@ impl Writer {
         clock::now().since(begun)
     }
 
-    fn trip(number: u64) -> Entry {
+    fn trip(number: u64) -> JournalEntry {
         let words = (0x0111_u16..0x0117)
             .map(|address| (address.into(), number as u16))
             .collect();
@@ -136,13 +138,13 @@ impl Writer {
             at: clock::now(),
             while_away: false,
         };
-        Entry::Trip(event, TripBaseline::default())
+        JournalEntry::Trip(event, TripBaseline::default())
     }
 
-    fn refusal(number: u64) -> Entry {
-        let tried = Tried::Text(format!("no {number}"));
+    fn refusal(number: u64) -> JournalEntry {
+        let tried = TriedWrite::Text(format!("no {number}"));
         let report = Some(Report::refused(Reason::NotUnderstood));
-        Entry::Attempt(Attempt {
+        JournalEntry::Attempt(WriteAttempt {
             id: AttemptId(number),
             owner: Owner::Mqtt,
             tried,

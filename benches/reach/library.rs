@@ -18,7 +18,7 @@ use vfd_gateway::daemon::lines::simulator;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::link::{Framing, Parity};
 use vfd_gateway::profile::model::Model;
-use vfd_gateway::sim::{BusOptions, DriveOptions, Pacing, SimBus, SimDrive};
+use vfd_gateway::sim::{BusOptions, BusPacing, DriveOptions, SimBus, SimDrive};
 use vfd_gateway::vendors;
 
 /// One line for each model, with two drives.
@@ -109,7 +109,7 @@ fn line(model: &Arc<Model>, over: &Arc<AtomicBool>) -> (PathBuf, JoinHandle<()>)
     let over = Arc::clone(over);
     let thread = std::thread::spawn(move || {
         let options = BusOptions {
-            pacing: Pacing::None,
+            pacing: BusPacing::None,
             ..BusOptions::default()
         };
         let mut bus = SimBus::new(model.link.played(), options, 1);

@@ -8,7 +8,7 @@ use crate::table::{Row, part_of};
 use std::time::Duration;
 use vfd_gateway::domain::link::{Framing, LinkSettings};
 use vfd_gateway::line::budget;
-use vfd_gateway::line::timing::Timing;
+use vfd_gateway::line::timing::LineTiming;
 
 const SECOND: Duration = Duration::from_secs(1);
 const TURNAROUND: Duration = Duration::from_millis(2);
@@ -69,7 +69,7 @@ fn play(line: &Line) -> (usize, Vec<Row>) {
     let bare = bare.join().expect("the bare timer");
     let hop = hop.join().expect("the bare hop");
     let model = n700();
-    let timing = Timing::for_models(Framing::Rtu, line.link, [model.as_ref()], Duration::ZERO);
+    let timing = LineTiming::for_models(Framing::Rtu, line.link, [model.as_ref()], Duration::ZERO);
     let busy =
         |rate: f64| rate * budget::read_time(&timing, WORDS, TURNAROUND).as_secs_f64() * 100.0;
     // The first gap is the start, not the line.

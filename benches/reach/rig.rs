@@ -12,7 +12,7 @@ use vfd_gateway::daemon::service::run;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::link::LinkSettings;
 use vfd_gateway::domain::report::LineCounters;
-use vfd_gateway::sim::{BusOptions, BusReport, DriveOptions, Pacing, SimBus, SimDrive};
+use vfd_gateway::sim::{BusOptions, BusPacing, BusReport, DriveOptions, SimBus, SimDrive};
 use vfd_gateway::vendors;
 
 use crate::support::{PROOF, n700};
@@ -63,7 +63,7 @@ impl Options {
     /// Without character times and without silence.
     pub fn unpaced(drives: u8) -> Self {
         let bus = BusOptions {
-            pacing: Pacing::None,
+            pacing: BusPacing::None,
             silence: Some(Duration::ZERO),
             ..BusOptions::default()
         };

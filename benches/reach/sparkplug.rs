@@ -15,7 +15,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use vfd_gateway::north::sparkplug::payload::{Payload, Value};
+use vfd_gateway::north::sparkplug::payload::{PayloadValue, SparkplugPayload};
 
 const POLL: Duration = Duration::from_secs(1);
 const WARM_UP: Duration = Duration::from_secs(5);
@@ -43,7 +43,7 @@ impl Seen {
             return;
         };
         // A birth is larger than a command may be.
-        let payload = Payload::parse(bytes).expect("a payload");
+        let payload = SparkplugPayload::parse(bytes).expect("a payload");
         let number = payload.seq.expect("a number");
         self.gaps += u64::from(kind != "NBIRTH" && self.next.is_some_and(|next| next != number));
         self.next = Some((number + 1) % 256);
@@ -60,7 +60,8 @@ impl Seen {
                 .alias
                 .is_some_and(|alias| self.points.contains(&alias))
                 && !is_birth;
-            self.changes += u64::from(is_change && matches!(metric.value, Some(Value::Double(_))));
+            self.changes +=
+                u64::from(is_change && matches!(metric.value, Some(PayloadValue::Double(_))));
         }
         self.messages += 1;
         self.bytes += bytes.len() as u64;

@@ -18,7 +18,7 @@ use vfd_gateway::daemon::host::pty::Pty;
 use vfd_gateway::daemon::lines::simulator;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::link::LinkSettings;
-use vfd_gateway::sim::{BusOptions, DriveOptions, Pacing, SimBus, SimDrive};
+use vfd_gateway::sim::{BusOptions, BusPacing, DriveOptions, SimBus, SimDrive};
 
 pub const LINES: usize = 8;
 pub const DRIVES: u8 = 4;
@@ -181,7 +181,7 @@ pub fn start_line(
     let end = Arc::clone(end);
     let thread = std::thread::spawn(move || {
         let options = BusOptions {
-            pacing: Pacing::None,
+            pacing: BusPacing::None,
             silence: Some(Duration::ZERO),
             ..BusOptions::default()
         };

@@ -6,7 +6,7 @@ use crate::raw::Raw;
 use std::time::{Duration, Instant};
 use vfd_gateway::daemon::host::clock;
 use vfd_gateway::domain::link::{Framing, LinkSettings};
-use vfd_gateway::line::timing::Timing;
+use vfd_gateway::line::timing::LineTiming;
 use vfd_gateway::vendors;
 
 /// Where the drives are on the bus.
@@ -107,7 +107,8 @@ fn used<T>(pair: &Pair, baud: u32, work: impl FnOnce() -> T) -> (Use, T) {
         baud,
         ..LinkSettings::DEFAULT
     };
-    let silence = Timing::for_models(Framing::Rtu, link, [model.as_ref()], Duration::ZERO).silence;
+    let silence =
+        LineTiming::for_models(Framing::Rtu, link, [model.as_ref()], Duration::ZERO).silence;
     let requests = frames
         .iter()
         .enumerate()

@@ -2,10 +2,10 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
-use vfd_gateway::domain::buckets::Buckets;
+use vfd_gateway::domain::buckets::BucketDivision;
 
 /// Buckets in microseconds, at most one thirty-second wide relative to their times, up to 19 hours.
-const BUCKETS: Buckets = Buckets::new(5, 36);
+const BUCKETS: BucketDivision = BucketDivision::new(5, 36);
 
 /// Times with a resolution of a microsecond or one thirty-second of the time.
 #[derive(Debug)]

@@ -6,10 +6,12 @@ use crate::books::{Mark, Receipt};
 use std::rc::Rc;
 use std::sync::Arc;
 use tokio::sync::Notify;
-use vfd_gateway::daemon::mqtt::{Packet, Protocol, Rival};
+use vfd_gateway::daemon::mqtt::{BrokerConversation, ClientPacket, ClientRival};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::north::broker::{Event, Filter, Message, Publication, Qos, Version};
-use vfd_gateway::north::clock::Moment;
+use vfd_gateway::north::broker::{
+    BrokerEvent, BrokerMessage, MqttVersion, Publication, Qos, SubscriptionFilter,
+};
+use vfd_gateway::north::clock::ClockMoment;
 
 /// The group of a shared subscription.
 const GROUP: &str = "fleet";
@@ -21,7 +23,7 @@ pub struct Consumer {
     number: usize,
     over: Rc<Notify>,
     /// With 3.1.1 a broker sends retained messages at every subscription, with the retain flag.
-    version: Version,
+    version: MqttVersion,
     is_connected: bool,
     is_asked: bool,
     was_granted: bool,
@@ -34,7 +36,7 @@ impl Consumer {
             .plan
             .consumers
             .get(number)
-            .map_or(Version::V5, |settings| settings.version);
+            .map_or(MqttVersion::V5, |settings| settings.version);
         Self {
             board,
             number,
@@ -46,7 +48,7 @@ impl Consumer {
         }
     }
 
-    fn filters(&self) -> Vec<Filter> {
+    fn filters(&self) -> Vec<SubscriptionFilter> {
         let shape = &self.board.plan.shape;
         let consumers = self.board.plan.consumers.len().max(1);
         let paths = match self.board.plan.reading {
@@ -57,7 +59,7 @@ impl Consumer {
                 own.map(|gateway| shape.filter(Some(gateway))).collect()
             }
         };
-        let filter = |path| Filter {
+        let filter = |path| SubscriptionFilter {
             path,
             qos: Qos::AtLeastOnce,
             wants_retained: false,
@@ -83,10 +85,10 @@ impl Consumer {
         }
     }
 
-    fn receive(&self, at: MonoTime, message: &Message<'_>) {
+    fn receive(&self, at: MonoTime, message: &BrokerMessage<'_>) {
         let board = &self.board;
         let shape = &self.board.plan.shape;
-        let is_kept = message.retain && self.version == Version::V4;
+        let is_kept = message.retain && self.version == MqttVersion::V4;
         if message.payload.is_empty() || is_kept {
             return;
         }
@@ -111,7 +113,7 @@ impl Consumer {
     }
 }
 
-impl Protocol for Consumer {
+impl BrokerConversation for Consumer {
     fn will(&self) -> Publication {
         Publication {
             topic: format!(
@@ -128,24 +130,24 @@ impl Protocol for Consumer {
         }
     }
 
-    fn handle(&mut self, at: Moment, event: Event<'_>) {
+    fn handle(&mut self, at: ClockMoment, event: BrokerEvent<'_>) {
         match event {
-            Event::Connected(_) => {
+            BrokerEvent::Connected(_) => {
                 self.is_connected = true;
                 self.is_asked = false;
                 self.board.connections.add();
             }
-            Event::Subscribed(granted) => self.subscribed(&granted),
-            Event::Message(message) => self.receive(at.mono, &message),
-            Event::Lost => {
+            BrokerEvent::Subscribed(granted) => self.subscribed(&granted),
+            BrokerEvent::Message(message) => self.receive(at.mono, &message),
+            BrokerEvent::Lost => {
                 self.is_connected = false;
                 self.board.broken.add();
             }
-            Event::Acknowledged(_) | Event::Refused(..) | Event::Stalled(_) => {}
+            BrokerEvent::Acknowledged(_) | BrokerEvent::Refused(..) | BrokerEvent::Stalled(_) => {}
         }
     }
 
-    fn tick(&mut self, _: Moment) {
+    fn tick(&mut self, _: ClockMoment) {
         if self.board.phase() == Phase::Ending {
             self.over.notify_one();
         }
@@ -155,14 +157,14 @@ impl Protocol for Consumer {
         None
     }
 
-    fn next_packet(&mut self, _: Moment) -> Option<Packet> {
+    fn next_packet(&mut self, _: ClockMoment) -> Option<ClientPacket> {
         let asks = self.is_connected && !std::mem::replace(&mut self.is_asked, true);
-        asks.then(|| Packet::Subscribe(self.filters()))
+        asks.then(|| ClientPacket::Subscribe(self.filters()))
     }
 
-    fn contested(&mut self, _: Option<Rival>) {}
+    fn contested(&mut self, _: Option<ClientRival>) {}
 
-    fn farewell(&mut self, _: Moment) -> Vec<Publication> {
+    fn farewell(&mut self, _: ClockMoment) -> Vec<Publication> {
         Vec::new()
     }
 }

@@ -6,10 +6,10 @@ use std::collections::{BTreeMap, VecDeque};
 use std::rc::Rc;
 use std::sync::Arc;
 use tokio::sync::Notify;
-use vfd_gateway::daemon::mqtt::{Packet, Protocol, Rival};
+use vfd_gateway::daemon::mqtt::{BrokerConversation, ClientPacket, ClientRival};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::north::broker::{Event, Publication, Qos};
-use vfd_gateway::north::clock::Moment;
+use vfd_gateway::north::broker::{BrokerEvent, Publication, Qos};
+use vfd_gateway::north::clock::ClockMoment;
 
 /// Its talk with the broker.
 #[derive(Debug)]
@@ -182,28 +182,28 @@ const fn parts(token: Token) -> (usize, u32) {
     ((token >> 32) as usize, (token & u32::MAX as u64) as u32)
 }
 
-impl Protocol for Gateway {
+impl BrokerConversation for Gateway {
     fn will(&self) -> Publication {
         self.status("offline")
     }
 
-    fn handle(&mut self, at: Moment, event: Event<'_>) {
+    fn handle(&mut self, at: ClockMoment, event: BrokerEvent<'_>) {
         match event {
-            Event::Connected(_) => self.connected(),
-            Event::Acknowledged(token) => self.acknowledged(at.mono, token),
-            Event::Refused(token, _) => {
+            BrokerEvent::Connected(_) => self.connected(),
+            BrokerEvent::Acknowledged(token) => self.acknowledged(at.mono, token),
+            BrokerEvent::Refused(token, _) => {
                 self.unacknowledged.remove(&token);
                 self.board.refused.add();
             }
-            Event::Lost => {
+            BrokerEvent::Lost => {
                 self.is_connected = false;
                 self.board.broken.add();
             }
-            Event::Subscribed(_) | Event::Message(_) | Event::Stalled(_) => {}
+            BrokerEvent::Subscribed(_) | BrokerEvent::Message(_) | BrokerEvent::Stalled(_) => {}
         }
     }
 
-    fn tick(&mut self, _: Moment) {
+    fn tick(&mut self, _: ClockMoment) {
         if self.board.phase() == Phase::Ending {
             self.over.notify_one();
         }
@@ -220,24 +220,24 @@ impl Protocol for Gateway {
         }
     }
 
-    fn next_packet(&mut self, at: Moment) -> Option<Packet> {
+    fn next_packet(&mut self, at: ClockMoment) -> Option<ClientPacket> {
         if !self.is_connected {
             return None;
         }
         if !std::mem::replace(&mut self.has_greeted, true) {
-            return Some(Packet::Publish(self.status("online")));
+            return Some(ClientPacket::Publish(self.status("online")));
         }
         let next = self.next_repeat().or_else(|| match self.board.phase() {
             Phase::Publishing(start) => self.next_due(at.mono, start),
             Phase::Clearing => self.next_clearing(),
             Phase::Connecting | Phase::Draining | Phase::Ending => None,
         });
-        next.map(Packet::Publish)
+        next.map(ClientPacket::Publish)
     }
 
-    fn contested(&mut self, _: Option<Rival>) {}
+    fn contested(&mut self, _: Option<ClientRival>) {}
 
-    fn farewell(&mut self, _: Moment) -> Vec<Publication> {
+    fn farewell(&mut self, _: ClockMoment) -> Vec<Publication> {
         Vec::new()
     }
 }
@@ -249,7 +249,7 @@ mod tests {
     use crate::play::{Plan, Reading};
     use std::time::Duration;
     use vfd_gateway::domain::time::WallTime;
-    use vfd_gateway::north::broker::Broker;
+    use vfd_gateway::north::broker::BrokerLimits;
 
     const START: MonoTime = MonoTime::from_millis(10_000);
 
@@ -278,15 +278,15 @@ mod tests {
         };
         let board = Arc::new(Board::new(plan).unwrap());
         let mut gateway = Gateway::new(board, 0, Rc::default());
-        gateway.handle(at(0), Event::Connected(Broker::default()));
+        gateway.handle(at(0), BrokerEvent::Connected(BrokerLimits::default()));
         assert_eq!(published(&mut gateway, 0), ["vfd/gw-0001/status"]);
         gateway.board.enter(Phase::Publishing(START));
         gateway
     }
 
     /// The moment `millis` milliseconds after the start.
-    fn at(millis: u64) -> Moment {
-        Moment {
+    fn at(millis: u64) -> ClockMoment {
+        ClockMoment {
             mono: START + Duration::from_millis(millis),
             wall: WallTime { unix_ms: 0 },
         }
@@ -298,7 +298,7 @@ mod tests {
         packets
             .into_iter()
             .filter_map(|it| {
-                if let Packet::Publish(it) = it {
+                if let ClientPacket::Publish(it) = it {
                     it.token
                 } else {
                     None
@@ -312,7 +312,7 @@ mod tests {
         packets
             .into_iter()
             .filter_map(|it| {
-                if let Packet::Publish(it) = it {
+                if let ClientPacket::Publish(it) = it {
                     Some(it.topic)
                 } else {
                     None
@@ -342,15 +342,15 @@ mod tests {
     fn what_was_not_acknowledged_goes_again_and_nothing_else() {
         let mut gateway = gateway();
         assert_eq!(tokens(&mut gateway, 500), [token(0, 0), token(1, 0)]);
-        gateway.handle(at(600), Event::Acknowledged(token(0, 0)));
-        gateway.handle(at(700), Event::Lost);
+        gateway.handle(at(600), BrokerEvent::Acknowledged(token(0, 0)));
+        gateway.handle(at(700), BrokerEvent::Lost);
         assert!(gateway.next_packet(at(1_500)).is_none() && gateway.next_wake().is_none());
-        gateway.handle(at(1_600), Event::Connected(Broker::default()));
+        gateway.handle(at(1_600), BrokerEvent::Connected(BrokerLimits::default()));
         assert_eq!(
             tokens(&mut gateway, 1_600),
             [token(1, 0), token(0, 1), token(1, 1)]
         );
-        gateway.handle(at(1_700), Event::Acknowledged(token(1, 0)));
+        gateway.handle(at(1_700), BrokerEvent::Acknowledged(token(1, 0)));
         assert_eq!(
             (
                 gateway.board.ledger.balance().acknowledged,

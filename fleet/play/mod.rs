@@ -1,7 +1,7 @@
 //! A fleet of gateways on a real broker, for sizing: many connections that publish as gateways do, and consumers that
 //! check what arrives. It ends by itself.
 //!
-//! [`run`] is the sequence. Each gateway and each consumer is a [`Protocol`](vfd_gateway::daemon::mqtt::Protocol) on the
+//! [`run`] is the sequence. Each gateway and each consumer is a [`BrokerConversation`](vfd_gateway::daemon::mqtt::BrokerConversation) on the
 //! gateway's own client, so that its waits, limits and repeats are the real ones.
 
 mod board;

@@ -13,11 +13,12 @@ use tokio::sync::Notify;
 use tokio::task::LocalSet;
 use tokio::time::{sleep, timeout};
 use vfd_gateway::daemon::mqtt::{
-    ConnectionSettings, Counters, Keeps, Packet, Protocol, Rival, converse,
+    BrokerConversation, BrokerKeeps, ClientCounters, ClientPacket, ClientRival, ConnectionSettings,
+    converse,
 };
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::north::broker::{Event, Publication, Qos};
-use vfd_gateway::north::clock::Moment;
+use vfd_gateway::north::broker::{BrokerEvent, Publication, Qos};
+use vfd_gateway::north::clock::ClockMoment;
 
 /// How often it is checked why a client is not connected.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
@@ -79,7 +80,7 @@ fn ramp(number: usize, per_second: u32) -> Duration {
     Duration::from_secs_f64(number as f64 / f64::from(per_second.max(1)))
 }
 
-async fn talk_until_over<T: Protocol>(
+async fn talk_until_over<T: BrokerConversation>(
     board: &Board,
     settings: ConnectionSettings,
     talk: T,
@@ -87,7 +88,7 @@ async fn talk_until_over<T: Protocol>(
     over: &Notify,
 ) {
     let talk = RefCell::new(talk);
-    let counters = Counters::default();
+    let counters = ClientCounters::default();
     let look = async {
         loop {
             sleep(LOOK_EVERY).await;
@@ -104,14 +105,14 @@ async fn talk_until_over<T: Protocol>(
 /// left.
 pub async fn forget(settings: ConnectionSettings) {
     let settings = ConnectionSettings {
-        keeps: Keeps::Nothing,
+        keeps: BrokerKeeps::Nothing,
         ..settings
     };
     let over = Rc::new(Notify::new());
     let talk = RefCell::new(Visitor {
         over: Rc::clone(&over),
     });
-    let counters = Counters::default();
+    let counters = ClientCounters::default();
     let bell = Notify::new();
     // An unreachable broker is reported later, with a reason.
     let _ = timeout(
@@ -126,7 +127,7 @@ struct Visitor {
     over: Rc<Notify>,
 }
 
-impl Protocol for Visitor {
+impl BrokerConversation for Visitor {
     fn will(&self) -> Publication {
         let topic = "fleet/visitor".to_owned();
         let payload = Vec::new();
@@ -142,25 +143,25 @@ impl Protocol for Visitor {
         }
     }
 
-    fn handle(&mut self, _: Moment, event: Event<'_>) {
-        if matches!(event, Event::Connected(_)) {
+    fn handle(&mut self, _: ClockMoment, event: BrokerEvent<'_>) {
+        if matches!(event, BrokerEvent::Connected(_)) {
             self.over.notify_one();
         }
     }
 
-    fn tick(&mut self, _: Moment) {}
+    fn tick(&mut self, _: ClockMoment) {}
 
     fn next_wake(&self) -> Option<MonoTime> {
         None
     }
 
-    fn next_packet(&mut self, _: Moment) -> Option<Packet> {
+    fn next_packet(&mut self, _: ClockMoment) -> Option<ClientPacket> {
         None
     }
 
-    fn contested(&mut self, _: Option<Rival>) {}
+    fn contested(&mut self, _: Option<ClientRival>) {}
 
-    fn farewell(&mut self, _: Moment) -> Vec<Publication> {
+    fn farewell(&mut self, _: ClockMoment) -> Vec<Publication> {
         Vec::new()
     }
 }

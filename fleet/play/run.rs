@@ -14,7 +14,7 @@ use tokio::sync::Notify;
 use tokio::time::sleep;
 use vfd_gateway::daemon::host::clock;
 use vfd_gateway::daemon::host::descriptors;
-use vfd_gateway::daemon::mqtt::Keeps;
+use vfd_gateway::daemon::mqtt::BrokerKeeps;
 use vfd_gateway::daemon::service::signals::told_to_end;
 use vfd_gateway::domain::time::MonoTime;
 
@@ -377,7 +377,7 @@ async fn forget_sessions(board: &Board) {
         .plan
         .consumers
         .iter()
-        .filter(|settings| settings.keeps == Keeps::Session)
+        .filter(|settings| settings.keeps == BrokerKeeps::Session)
     {
         player::forget(settings.clone()).await;
     }

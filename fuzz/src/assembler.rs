@@ -6,8 +6,8 @@
 use super::feed::{Feed, chunks};
 use std::ops::Range;
 use vfd_gateway::domain::link::Framing;
-use vfd_gateway::wire::frame::{Expected, FoundFrame};
-use vfd_gateway::wire::framing::{self, Assembler};
+use vfd_gateway::wire::frame::{ExpectedFrame, FoundFrame};
+use vfd_gateway::wire::framing::{self, FrameAssembler};
 use vfd_gateway::wire::rtu::{self, ReplyLength};
 use vfd_gateway::wire::{crc, pdu::function};
 
@@ -40,10 +40,10 @@ pub fn run(bytes: &[u8]) {
     }
 }
 
-fn expected(framing: Framing, feed: &mut Feed<'_>) -> Expected {
+fn expected(framing: Framing, feed: &mut Feed<'_>) -> ExpectedFrame {
     let station = feed.byte();
     let function = feed.byte() & !function::EXCEPTION_BIT;
-    Expected {
+    ExpectedFrame {
         station,
         function,
         adu_bytes: framing::adu_bytes(framing, 2 + usize::from(feed.byte()) % 252),
@@ -53,10 +53,10 @@ fn expected(framing: Framing, feed: &mut Feed<'_>) -> Expected {
 /// What is found in `chunks`, and what is left.
 fn hear<'a>(
     framing: Framing,
-    expected: Option<&Expected>,
+    expected: Option<&ExpectedFrame>,
     chunks: impl IntoIterator<Item = &'a [u8]>,
 ) -> (Vec<FoundFrame>, Vec<u8>) {
-    let mut assembler = Assembler::new(framing);
+    let mut assembler = FrameAssembler::new(framing);
     let mut found = Vec::new();
     let mut put_in = Vec::new();
     let mut given_out = Vec::new();
@@ -87,7 +87,7 @@ fn hear<'a>(
 }
 
 /// A frame is sound and formats back; after noise an RTU frame is the expected one.
-fn check(framing: Framing, expected: Option<&Expected>, found: &FoundFrame) {
+fn check(framing: Framing, expected: Option<&ExpectedFrame>, found: &FoundFrame) {
     assert!(
         found.adu.len() <= framing::max_adu_bytes(framing),
         "{} bytes",
@@ -124,7 +124,7 @@ fn check(framing: Framing, expected: Option<&Expected>, found: &FoundFrame) {
 }
 
 /// Whether two sound frames overlap somewhere in `stream`.
-fn share_bytes(stream: &[u8], expected: &Expected) -> bool {
+fn share_bytes(stream: &[u8], expected: &ExpectedFrame) -> bool {
     let places: Vec<_> = (0..stream.len())
         .flat_map(|start| frames_at(stream, start, expected))
         .collect();
@@ -137,7 +137,7 @@ fn share_bytes(stream: &[u8], expected: &Expected) -> bool {
 }
 
 /// The sound frames that begin at `start`: by the length of their function, and by those that are expected.
-fn frames_at(stream: &[u8], start: usize, expected: &Expected) -> Vec<Range<usize>> {
+fn frames_at(stream: &[u8], start: usize, expected: &ExpectedFrame) -> Vec<Range<usize>> {
     let known = match rtu::reply_adu_bytes(&stream[start..]) {
         ReplyLength::Known(length) => Some(length),
         ReplyLength::NotYetKnown | ReplyLength::OnlySilenceTells => None,

@@ -9,8 +9,10 @@ use std::time::Duration;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::link::{Framing, LinkSettings};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::sim::{BadRequest, BusOptions, DriveOptions, FaultPlan, Pacing, SimBus, SimDrive};
-use vfd_gateway::wire::framing::{self, Assembler};
+use vfd_gateway::sim::{
+    BadRequest, BusOptions, BusPacing, DriveOptions, FaultPlan, SimBus, SimDrive,
+};
+use vfd_gateway::wire::framing::{self, FrameAssembler};
 
 const STATIONS: [u8; 2] = [1, 7];
 /// Longer than any reply is delayed: everything due is sent by then.
@@ -25,9 +27,9 @@ pub fn run(bytes: &[u8]) {
         Framing::Ascii
     };
     let pacing = if flags & 2 == 0 {
-        Pacing::None
+        BusPacing::None
     } else {
-        Pacing::CharacterTimes
+        BusPacing::CharacterTimes
     };
     let faults = if flags & 4 == 0 {
         FaultPlan::NONE
@@ -73,7 +75,7 @@ pub fn run(bytes: &[u8]) {
         master.event(&mut feed);
     }
     master.pass(ALL_IS_OUT);
-    master.check(faults == FaultPlan::NONE && pacing == Pacing::None);
+    master.check(faults == FaultPlan::NONE && pacing == BusPacing::None);
 }
 
 fn faults(feed: &mut Feed<'_>) -> FaultPlan {
@@ -172,7 +174,7 @@ impl Master {
     }
 
     fn each_reply_is_sound(&self, replies: u64) {
-        let mut assembler = Assembler::new(self.framing);
+        let mut assembler = FrameAssembler::new(self.framing);
         let mut found = 0;
         for byte in &self.heard {
             assembler.push(&[*byte]);

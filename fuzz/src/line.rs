@@ -9,9 +9,9 @@ use std::collections::{BTreeSet, HashSet};
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
 use std::time::Duration;
-use vfd_gateway::domain::address::Table;
+use vfd_gateway::domain::address::DataTable;
 use vfd_gateway::domain::command::{
-    CommandRequest, Direction, Go, Manner, Order, Origin, Owner, RegisterWrite, Rights,
+    CommandRequest, Direction, GoOrder, Order, OrderManner, Origin, Owner, RegisterWrite, Rights,
 };
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::{AskerId, DriveIndex, Station, Ticket};
@@ -19,11 +19,11 @@ use vfd_gateway::domain::link::{EchoPolicy, Framing, LinkSettings, PortKind};
 use vfd_gateway::domain::native::{NativeAsk, NativeRequest};
 use vfd_gateway::domain::report::{LineFault, LineState};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineSetup, WakeReason};
-use vfd_gateway::journal::Remembered;
+use vfd_gateway::gateway::{DriveSetup, LineCore, LineEffect, LineInput, LineSetup, WakeReason};
+use vfd_gateway::journal::RememberedDrive;
 use vfd_gateway::line::timeouts::ReplyTimeouts;
-use vfd_gateway::line::timing::Timing;
-use vfd_gateway::profile::model::{Model, Role};
+use vfd_gateway::line::timing::LineTiming;
+use vfd_gateway::profile::model::{Model, RegisterRole};
 use vfd_gateway::wire::framing;
 use vfd_gateway::wire::pdu::{self, Request, function};
 
@@ -46,7 +46,7 @@ pub fn run(bytes: &[u8]) {
     };
     let model = Arc::new(plant::model(feed.byte()).on(framing));
     let mut watch = Watch::new(framing, &model, flags & 2 != 0);
-    watch.input(Input::PortUp(PortKind::Serial));
+    watch.input(LineInput::PortUp(PortKind::Serial));
     watch.decide();
     while !feed.is_empty() {
         watch.event(&mut feed);
@@ -88,10 +88,10 @@ impl Watch {
             timeouts: ReplyTimeouts::fixed(Duration::from_millis(200)),
             max_lateness: Duration::from_millis(500),
             control: control.clone(),
-            remembered: Remembered::default(),
+            remembered: RememberedDrive::default(),
         });
         let link = LinkSettings::DEFAULT;
-        let timing = Timing::for_models(framing, link, [model.as_ref()], Duration::ZERO);
+        let timing = LineTiming::for_models(framing, link, [model.as_ref()], Duration::ZERO);
         let setup = LineSetup {
             timing,
             drives: drives.collect(),
@@ -130,13 +130,13 @@ impl Watch {
             3..=5 => self.reply(feed),
             6 | 7 => self.native(feed),
             8..=11 => self.command(feed),
-            12 => self.input(Input::PathAlive(Owner::Mqtt)),
+            12 => self.input(LineInput::PathAlive(Owner::Mqtt)),
             13 => match feed.byte() % 4 {
-                0 => self.input(Input::PathOpened(Owner::Mqtt)),
-                1 => self.input(Input::Shutdown),
+                0 => self.input(LineInput::PathOpened(Owner::Mqtt)),
+                1 => self.input(LineInput::Shutdown),
                 asker => {
                     let asker = AskerId(asker.into());
-                    self.input(Input::AskerGone(asker));
+                    self.input(LineInput::AskerGone(asker));
                     self.reads.retain(|(_, of)| *of != asker);
                 }
             },
@@ -148,7 +148,7 @@ impl Watch {
         }
     }
 
-    fn input(&mut self, input: Input<'_>) {
+    fn input(&mut self, input: LineInput<'_>) {
         self.core.handle(self.now, input);
     }
 
@@ -156,13 +156,13 @@ impl Watch {
         let fault = [LineFault::Gone, LineFault::Failed, LineFault::Stuck]
             .get(usize::from(what % 8))
             .copied();
-        self.input(fault.map_or(Input::PortUp(PortKind::Serial), Input::PortDown));
+        self.input(fault.map_or(LineInput::PortUp(PortKind::Serial), LineInput::PortDown));
         self.quiet_since = self.now;
     }
 
     fn bytes(&mut self, bytes: &[u8]) {
         if !bytes.is_empty() {
-            self.input(Input::Bytes(bytes));
+            self.input(LineInput::Bytes(bytes));
             self.quiet_since = self.quiet_since.max(self.now);
         }
     }
@@ -182,7 +182,7 @@ impl Watch {
             |out| match Request::decode(&pdu) {
                 _ if how & 3 == 3 => out.extend([pdu[0] | function::EXCEPTION_BIT, how >> 4]),
                 Some(Request::Read { count, .. }) => {
-                    pdu::encode_read_reply(out, Table::Holding, &vec![word; count.into()])
+                    pdu::encode_read_reply(out, DataTable::Holding, &vec![word; count.into()])
                 }
                 _ => out.extend_from_slice(&pdu[..pdu.len().min(5)]),
             },
@@ -232,7 +232,7 @@ impl Watch {
             self.reads.insert((ticket, asker));
         }
         let deadline = self.now + PATIENCE;
-        self.input(Input::Native(NativeRequest {
+        self.input(LineInput::Native(NativeRequest {
             asker,
             ticket,
             drive,
@@ -245,9 +245,9 @@ impl Watch {
     /// The register of one of the roles by which a drive is commanded.
     fn role(&self, which: u8) -> u16 {
         let role = if which & 1 == 0 {
-            Role::RunCommand
+            RegisterRole::RunCommand
         } else {
-            Role::FrequencyCommand
+            RegisterRole::FrequencyCommand
         };
         self.model
             .register_for(role)
@@ -263,7 +263,7 @@ impl Watch {
         self.runs_ordered += usize::from(matches!(&order, Order::Go(go) if go.run().is_some()));
         let ticket = self.ticket();
         self.commands.insert(ticket);
-        self.input(Input::Command(CommandRequest {
+        self.input(LineInput::Command(CommandRequest {
             asker: AskerId(u64::from(who % 4)),
             ticket,
             drive: DriveIndex(drive.into()),
@@ -305,7 +305,7 @@ impl Watch {
                 let writes = writes
                     .into_iter()
                     .map(|address| RegisterWrite::new(address, 1));
-                return Go::new(writes.collect(), frequency, (rest > 7).then_some(direction))
+                return GoOrder::new(writes.collect(), frequency, (rest > 7).then_some(direction))
                     .map(Order::Go);
             }
         })
@@ -334,26 +334,26 @@ impl Watch {
     }
 
     fn decide(&mut self) {
-        self.input(Input::Time);
+        self.input(LineInput::Time);
         let mut effects = 0;
         let mut frames = 0;
         while let Some(effect) = self.core.next_effect() {
             effects += 1;
             assert!(effects < EFFECTS_MAX, "no end of effects");
             match effect {
-                Effect::Transmit(frame) => {
+                LineEffect::Transmit(frame) => {
                     frames += 1;
                     self.sent(frame);
                     self.core.transmitted(self.now);
                 }
-                Effect::Answer(answer) => {
+                LineEffect::Answer(answer) => {
                     let of = (answer.ticket, answer.asker);
                     assert!(
                         self.reads.remove(&of) || self.writes.remove(&of),
                         "twice or to nobody: {answer:?}"
                     );
                 }
-                Effect::Command(answer) => {
+                LineEffect::Command(answer) => {
                     assert!(
                         self.commands.contains(&answer.ticket),
                         "a word after the last: {answer:?}"
@@ -362,13 +362,13 @@ impl Watch {
                         self.commands.remove(&answer.ticket);
                     }
                 }
-                Effect::Trip(..)
-                | Effect::Note(..)
-                | Effect::LineNote(_)
-                | Effect::Presence(..)
-                | Effect::Reopen(_)
-                | Effect::Keep(_)
-                | Effect::Traffic(_) => {}
+                LineEffect::Trip(..)
+                | LineEffect::Note(..)
+                | LineEffect::LineNote(_)
+                | LineEffect::Presence(..)
+                | LineEffect::Reopen(_)
+                | LineEffect::Keep(_)
+                | LineEffect::Traffic(_) => {}
             }
         }
         assert!(frames <= 1, "{frames} exchanges at once");
@@ -434,9 +434,10 @@ impl Watch {
 
     /// No RUN is sent more often than it was ordered.
     fn check_run(&mut self, pdu: &[u8]) {
-        let (Some(run), Some(register)) =
-            (&self.model.run, self.model.register_for(Role::RunCommand))
-        else {
+        let (Some(run), Some(register)) = (
+            &self.model.run,
+            self.model.register_for(RegisterRole::RunCommand),
+        ) else {
             return;
         };
         let (address, values) = match Request::decode(pdu) {
@@ -473,17 +474,17 @@ fn origin(who: u8) -> Origin {
         0 => Origin {
             owner: Owner::Mqtt,
             rights,
-            manner: Manner::Once,
+            manner: OrderManner::Once,
         },
         1 => Origin {
             owner: Owner::Local,
             rights,
-            manner: Manner::Once,
+            manner: OrderManner::Once,
         },
         last => Origin {
             owner: Owner::ModbusTcp(IpAddr::V4(Ipv4Addr::new(10, 0, 0, last))),
             rights,
-            manner: Manner::Cyclic,
+            manner: OrderManner::Cyclic,
         },
     }
 }

@@ -8,17 +8,18 @@ use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::command::{CommandAnswer, Order, Outcome, Owner, Reason, Report};
 use vfd_gateway::domain::ids::{AskerId, DriveIndex, Ticket};
-use vfd_gateway::domain::native::{NativeOutcome, Refusal};
+use vfd_gateway::domain::native::{NativeOutcome, NativeRefusal};
 use vfd_gateway::domain::report::LineReport;
 use vfd_gateway::domain::standby::LineRole;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::drive::description::DriveDescription;
-use vfd_gateway::drive::snapshot::Presence;
+use vfd_gateway::drive::snapshot::DrivePresence;
 use vfd_gateway::drive::view::{ControlView, DriveView, RunState};
-use vfd_gateway::north::modbus::own::{self, Gateway};
+use vfd_gateway::north::modbus::own::{self, ServedGateway};
 use vfd_gateway::north::modbus::{
-    Answer, Ask, Call, Commands, Connection, Ended, Limits, Ordered, Present, ReadBehind, Taken,
-    Uniform, Words, native,
+    CallCommands, ConnectionLimits, EndedCall, ModbusAnswer, ModbusConnection, ModbusRequest,
+    ReadBehind, RequestAction, RequestContext, RequestedOrder, UniformUnit, UnitCall, WordBuffer,
+    native,
 };
 use vfd_gateway::wire::{exception, mbap};
 
@@ -28,7 +29,7 @@ const UNITS: [u8; 6] = [NATIVE, UNIFORM, UNIFORM, own::UNIT, own::BROADCAST, 9];
 /// Bound of the output: what closes the connection, one piece of requests that are refused at once, and a full answer
 /// for each place and each unit.
 const OUTPUT_MAX: usize =
-    Connection::OUTPUT_MAX + 2 * Feed::PIECE_MAX + (16 + 256) * mbap::MAX_ADU_BYTES;
+    ModbusConnection::OUTPUT_MAX + 2 * Feed::PIECE_MAX + (16 + 256) * mbap::MAX_ADU_BYTES;
 
 pub fn run(bytes: &[u8]) {
     let mut feed = Feed::new(bytes);
@@ -43,7 +44,7 @@ pub fn run(bytes: &[u8]) {
 /// The units behind the connection.
 struct Units {
     drive: DriveDescription,
-    uniform: Uniform,
+    uniform: UniformUnit,
     view: Arc<DriveView>,
 }
 
@@ -54,7 +55,7 @@ impl Units {
             run_state: RunState::Forward,
             ..DriveView::default()
         };
-        view.snapshot.presence = Presence::Online;
+        view.snapshot.presence = DrivePresence::Online;
         let words = feed.words(32);
         let addresses = drive
             .model
@@ -67,13 +68,13 @@ impl Units {
             .for_each(|(address, word)| view.snapshot.take(address, &[word], MonoTime::ZERO));
         view.control = drive.control.is_some().then(ControlView::default);
         Self {
-            uniform: Uniform::new(&drive),
+            uniform: UniformUnit::new(&drive),
             drive,
             view: Arc::new(view),
         }
     }
 
-    fn is_stop(&self, unit: u8, ask: &Ask) -> bool {
+    fn is_stop(&self, unit: u8, ask: &ModbusRequest) -> bool {
         match unit {
             NATIVE => native::is_stop(&self.drive.model, ask),
             UNIFORM => self.uniform.is_stop(ask, &self.view),
@@ -83,7 +84,7 @@ impl Units {
     }
 }
 
-impl Gateway for Units {
+impl ServedGateway for Units {
     fn lines(&self) -> usize {
         2
     }
@@ -96,7 +97,7 @@ impl Gateway for Units {
         2
     }
 
-    fn drive(&self, place: usize) -> Option<(&Uniform, Arc<DriveView>)> {
+    fn drive(&self, place: usize) -> Option<(&UniformUnit, Arc<DriveView>)> {
         (place == 0).then(|| (&self.uniform, Arc::clone(&self.view)))
     }
 
@@ -170,12 +171,12 @@ impl Observer {
 }
 
 struct Client {
-    connection: Connection,
+    connection: ModbusConnection,
     observer: Observer,
     units: Units,
-    commands: Commands,
+    commands: CallCommands,
     /// Calls of the native unit that the drive has not answered.
-    native: Vec<Call>,
+    native: Vec<UnitCall>,
     /// Orders that the drive has not answered.
     orders: Vec<Ticket>,
     now: MonoTime,
@@ -186,10 +187,10 @@ impl Client {
     fn new(drive: DriveDescription, feed: &mut Feed<'_>) -> Self {
         let now = MonoTime::from_millis(1_000);
         Self {
-            connection: Connection::new(Limits::default(), now),
+            connection: ModbusConnection::new(ConnectionLimits::default(), now),
             observer: Observer::default(),
             units: Units::new(drive, feed),
-            commands: Commands::default(),
+            commands: CallCommands::default(),
             native: Vec::new(),
             orders: Vec::new(),
             now,
@@ -252,10 +253,10 @@ impl Client {
         }
     }
 
-    fn serve(&mut self, call: Call) {
-        let mut words = Words::default();
+    fn serve(&mut self, call: UnitCall) {
+        let mut words = WordBuffer::default();
         let owner = Owner::Mqtt;
-        let present = Present {
+        let present = RequestContext {
             now: self.now,
             uptime_s: 7,
             owner,
@@ -265,7 +266,7 @@ impl Client {
         let taken = match call.unit {
             NATIVE => match native::ask_of(&self.units.drive.model, call.ask.clone()) {
                 Ok(_) => return self.native.push(call),
-                Err(code) => Taken::Exception(code),
+                Err(code) => RequestAction::Exception(code),
             },
             UNIFORM => self
                 .units
@@ -274,7 +275,7 @@ impl Client {
             own::UNIT | own::BROADCAST => {
                 own::take(call.unit, &call.ask, &self.units, &present, &mut words)
             }
-            _ => Taken::Exception(exception::GATEWAY_PATH_UNAVAILABLE),
+            _ => RequestAction::Exception(exception::GATEWAY_PATH_UNAVAILABLE),
         };
         let now = self.now;
         let connection = &mut self.connection;
@@ -286,7 +287,7 @@ impl Client {
         );
         let stops = matches!(
             &ordered,
-            Err(Ordered::StopAll | Ordered::One(Order::Stop { .. } | Order::Coast))
+            Err(RequestedOrder::StopAll | RequestedOrder::One(Order::Stop { .. } | Order::Coast))
         );
         assert!(
             is_stop || !stops,
@@ -323,11 +324,11 @@ impl Client {
                 code: feed.byte(),
                 reason: Reason::DriveException,
             },
-            4 => NativeOutcome::Refused(Refusal::LineDown),
+            4 => NativeOutcome::Refused(NativeRefusal::LineDown),
             5 => NativeOutcome::NoReply,
             6 => NativeOutcome::Superseded,
             _ => {
-                let count = if let Ask::ReadWords { count, .. } = call.ask {
+                let count = if let ModbusRequest::ReadWords { count, .. } = call.ask {
                     count
                 } else {
                     1
@@ -364,7 +365,7 @@ impl Client {
             report,
             is_final,
         };
-        let Some(Ended {
+        let Some(EndedCall {
             call,
             exception,
             read,
@@ -376,11 +377,11 @@ impl Client {
             return self.connection.answer(
                 self.now,
                 call,
-                exception.map_or(Answer::Written, Answer::Exception),
+                exception.map_or(ModbusAnswer::Written, ModbusAnswer::Exception),
             );
         };
-        let mut words = Words::default();
-        let present = Present {
+        let mut words = WordBuffer::default();
+        let present = RequestContext {
             now: self.now,
             uptime_s: 7,
             owner: Owner::Mqtt,
@@ -426,7 +427,7 @@ impl Client {
     fn end(&mut self) {
         self.read(usize::MAX);
         if self.connection.close_reason().is_none() {
-            self.pass(Limits::default().answer_within);
+            self.pass(ConnectionLimits::default().answer_within);
             self.read(usize::MAX);
             assert!(
                 self.observer.open.is_empty(),
@@ -442,9 +443,9 @@ impl Client {
     }
 }
 
-fn read_behind(call: &Call) -> Option<ReadBehind> {
+fn read_behind(call: &UnitCall) -> Option<ReadBehind> {
     match call.ask {
-        Ask::ReadWriteWords {
+        ModbusRequest::ReadWriteWords {
             read_address,
             read_count,
             ..

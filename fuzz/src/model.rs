@@ -5,13 +5,13 @@ use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::link::{Framing, LinkSettings};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::drive::plan::{Pace, PlaceOnLine, PollPlan};
+use vfd_gateway::drive::plan::{PlaceOnLine, PollPace, PollPlan};
 use vfd_gateway::line::timeouts::ReplyTimeouts;
-use vfd_gateway::line::timing::Timing;
-use vfd_gateway::north::modbus::Uniform;
+use vfd_gateway::line::timing::LineTiming;
+use vfd_gateway::north::modbus::UniformUnit;
 use vfd_gateway::profile::check;
 use vfd_gateway::profile::model::Model;
-use vfd_gateway::profile::scale::{Scaled, to_raw};
+use vfd_gateway::profile::scale::{ScaledValue, to_raw};
 use vfd_gateway::profile::summary::summary;
 use vfd_gateway::sim::{DriveOptions, SimDrive};
 use vfd_gateway::wire::pdu::{MAX_PDU_BYTES, Request};
@@ -35,14 +35,14 @@ fn work_with(model: &Arc<Model>, framing: Framing) {
         "{:?}",
         model.read.max_words
     );
-    let _ = Uniform::new(&plant::drive(model, 0, "pump", true));
+    let _ = UniformUnit::new(&plant::drive(model, 0, "pump", true));
     let _ = PollPlan::new(
         model,
-        Pace::new(Duration::from_secs(1), 1.0),
+        PollPace::new(Duration::from_secs(1), 1.0),
         MonoTime::ZERO,
         PlaceOnLine::ALONE,
     );
-    let timing = Timing::for_models(
+    let timing = LineTiming::for_models(
         framing,
         LinkSettings::DEFAULT,
         [model.as_ref()],
@@ -61,7 +61,7 @@ fn work_with(model: &Arc<Model>, framing: Framing) {
 fn values_survive(model: &Model) {
     for register in &model.registers {
         for word in [1, 0x7FFF, 0x8000] {
-            let value = Scaled::from_word(word, register);
+            let value = ScaledValue::from_word(word, register);
             assert!(!value.to_string().is_empty());
             assert_eq!(
                 to_raw(value.value(), register),

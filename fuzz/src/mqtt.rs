@@ -16,10 +16,12 @@ use vfd_gateway::domain::report::LineReport;
 use vfd_gateway::domain::time::{MonoTime, WallTime};
 use vfd_gateway::drive::view::{ControlView, DriveView};
 use vfd_gateway::north::broker::{
-    Broker, Event, LineState, Message, Publication, Qos, ToLine, Version,
+    BrokerEvent, BrokerLimits, BrokerMessage, MqttVersion, Publication, Qos, SessionLine, ToLine,
 };
-use vfd_gateway::north::clock::Moment;
-use vfd_gateway::north::mqtt::{Act, Combined, HomeAssistant, LeaseMode, Session, Settings, Tree};
+use vfd_gateway::north::clock::ClockMoment;
+use vfd_gateway::north::mqtt::{
+    CombinedEntity, HomeAssistant, LeaseMode, MqttAct, MqttSession, Settings, TopicTree,
+};
 
 const BASE: &str = "vfd/plant/";
 const RESPONSES: &str = "vfd/answers";
@@ -62,9 +64,9 @@ fn settings(flags: u8) -> Settings {
         gateway: plant::name("plant"),
         standby: None,
         version: if flags & 1 == 0 {
-            Version::V4
+            MqttVersion::V4
         } else {
-            Version::V5
+            MqttVersion::V5
         },
         heartbeat: Duration::from_secs(60),
         subscription_qos: Qos::AtLeastOnce,
@@ -79,23 +81,23 @@ fn settings(flags: u8) -> Settings {
         command_ttl: Duration::from_secs(1),
         response_prefix: Some(RESPONSES.into()),
         keep_telemetry: 50,
-        publish: Tree::ALL.to_vec(),
+        publish: TopicTree::ALL.to_vec(),
         home_assistant: (flags & 16 != 0).then(|| HomeAssistant {
             discovery: flags & 32 == 0,
             prefix: "home".into(),
             devices: flags & 64 != 0,
-            combined: vec![Combined::Switch, Combined::Fan],
+            combined: vec![CombinedEntity::Switch, CombinedEntity::Fan],
             page: None,
         }),
     }
 }
 
 struct Rig {
-    session: Session,
+    session: MqttSession,
     settings: Settings,
-    broker: Broker,
+    broker: BrokerLimits,
     views: Vec<Arc<DriveView>>,
-    lines: Vec<LineState>,
+    lines: Vec<SessionLine>,
     millis: u64,
     /// Commands that the line has not ended.
     commands: BTreeMap<Ticket, CommandRequest>,
@@ -118,14 +120,14 @@ impl Rig {
                 ..DriveView::default()
             })
         });
-        let lines = vec![LineState {
+        let lines = vec![SessionLine {
             name: plant::name("hall"),
             report: LineReport::default(),
             stations: Vec::new(),
         }];
         Self {
             views: views.collect(),
-            session: Session::new(
+            session: MqttSession::new(
                 settings.clone(),
                 drives,
                 vec![plant::name("hall")],
@@ -133,7 +135,7 @@ impl Rig {
                 1,
             ),
             settings,
-            broker: Broker {
+            broker: BrokerLimits {
                 maximum_packet_bytes: (flags & 4 != 0).then_some(400),
                 retains: flags & 8 == 0,
             },
@@ -144,16 +146,16 @@ impl Rig {
         }
     }
 
-    fn at(&self) -> Moment {
+    fn at(&self) -> ClockMoment {
         moment(self.millis)
     }
 
     fn connect(&mut self) {
         self.session
-            .handle(self.at(), Event::Connected(self.broker));
+            .handle(self.at(), BrokerEvent::Connected(self.broker));
         let acts = self.acts();
         let filters = acts.iter().find_map(|act| {
-            if let Act::Subscribe(it) = act {
+            if let MqttAct::Subscribe(it) = act {
                 Some(it.len())
             } else {
                 None
@@ -161,7 +163,7 @@ impl Rig {
         });
         if let Some(filters) = filters {
             self.session
-                .handle(self.at(), Event::Subscribed(vec![true; filters]));
+                .handle(self.at(), BrokerEvent::Subscribed(vec![true; filters]));
             self.acts();
         }
     }
@@ -173,9 +175,9 @@ impl Rig {
             6 | 7 => self.line_answers(feed),
             8 => self
                 .session
-                .handle(self.at(), Event::Acknowledged(u64::from(feed.byte()))),
+                .handle(self.at(), BrokerEvent::Acknowledged(u64::from(feed.byte()))),
             _ => {
-                self.session.handle(self.at(), Event::Lost);
+                self.session.handle(self.at(), BrokerEvent::Lost);
                 self.acts();
                 if feed.flag() {
                     self.connect();
@@ -193,7 +195,7 @@ impl Rig {
             String::new()
         };
         let response = (flags & 8 != 0).then(|| String::from_utf8_lossy(feed.piece()).into_owned());
-        let message = Message {
+        let message = BrokerMessage {
             topic: if topic.is_empty() { &own } else { topic },
             retain: flags & 1 != 0,
             duplicate: flags & 2 != 0,
@@ -204,7 +206,7 @@ impl Rig {
         };
         let before = self.session.counters();
         self.session
-            .handle(self.at(), Event::Message(message.clone()));
+            .handle(self.at(), BrokerEvent::Message(message.clone()));
         let acts = self.acts();
         let after = self.session.counters();
         self.acts_on(&message, &acts);
@@ -214,7 +216,7 @@ impl Rig {
             .filter(|act| {
                 matches!(
                     act,
-                    Act::ToLine(ToLine::Command(..)) | Act::ToLine(ToLine::Read(..))
+                    MqttAct::ToLine(ToLine::Command(..)) | MqttAct::ToLine(ToLine::Read(..))
                 )
             })
             .count();
@@ -225,12 +227,12 @@ impl Rig {
         );
         let kept = acts
             .iter()
-            .filter(|act| matches!(act, Act::Keep(..)))
+            .filter(|act| matches!(act, MqttAct::Keep(..)))
             .count();
         let writes = is_input && !topic.ends_with("/get") && !topic.ends_with("/lease");
         let ordered = acts
             .iter()
-            .filter(|act| matches!(act, Act::ToLine(ToLine::Command(..))))
+            .filter(|act| matches!(act, MqttAct::ToLine(ToLine::Command(..))))
             .count();
         assert!(
             !writes || ordered + kept == 1,
@@ -242,11 +244,11 @@ impl Rig {
     }
 
     /// Checks what one message has ordered.
-    fn acts_on(&self, message: &Message<'_>, acts: &[Act]) {
+    fn acts_on(&self, message: &BrokerMessage<'_>, acts: &[MqttAct]) {
         let orders: Vec<_> = acts
             .iter()
             .filter_map(|act| {
-                if let Act::ToLine(ToLine::Command(to, it)) = act {
+                if let MqttAct::ToLine(ToLine::Command(to, it)) = act {
                     Some((to, it))
                 } else {
                     None
@@ -260,7 +262,8 @@ impl Rig {
         for (to, request) in orders {
             assert_eq!((to.line, to.drive), (0, request.drive));
             let is_stop = matches!(request.order, Order::Stop { .. } | Order::Coast);
-            let is_replay = message.retain && !(is_stop && self.settings.version == Version::V5);
+            let is_replay =
+                message.retain && !(is_stop && self.settings.version == MqttVersion::V5);
             assert!(!is_replay, "a replay acts: {message:?} {request:?}");
             let now = self.at().mono;
             assert!(
@@ -274,7 +277,7 @@ impl Rig {
         }
         let is_read = acts
             .iter()
-            .any(|act| matches!(act, Act::ToLine(ToLine::Read(..))));
+            .any(|act| matches!(act, MqttAct::ToLine(ToLine::Read(..))));
         assert!(!(message.retain && is_read), "a replay reads: {message:?}");
     }
 
@@ -359,14 +362,14 @@ impl Rig {
     }
 
     /// All acts that are due now. Probes are delivered back.
-    fn acts(&mut self) -> Vec<Act> {
+    fn acts(&mut self) -> Vec<MqttAct> {
         let mut all = Vec::new();
         while let Some(act) = self.session.next_act(self.at(), &self.views, &self.lines) {
             match &act {
-                Act::Publish(it) if it.topic == "vfd/plant/probe" => {
+                MqttAct::Publish(it) if it.topic == "vfd/plant/probe" => {
                     let topic = it.topic.as_str();
                     let payload = it.payload.as_slice();
-                    let back = Message {
+                    let back = BrokerMessage {
                         topic,
                         payload,
                         retain: false,
@@ -375,22 +378,22 @@ impl Rig {
                         response_topic: None,
                         correlation: None,
                     };
-                    self.session.handle(self.at(), Event::Message(back));
+                    self.session.handle(self.at(), BrokerEvent::Message(back));
                 }
-                Act::Publish(publication) => self.check_publication(publication),
-                Act::ToLine(ToLine::Command(_, request)) => {
+                MqttAct::Publish(publication) => self.check_publication(publication),
+                MqttAct::ToLine(ToLine::Command(_, request)) => {
                     let before = self.commands.insert(request.ticket, request.clone());
                     assert!(before.is_none(), "a ticket twice");
                 }
-                Act::ToLine(ToLine::Read(_, request)) => self.reads.push(request.ticket),
-                Act::Keep(_, attempt) => {
+                MqttAct::ToLine(ToLine::Read(_, request)) => self.reads.push(request.ticket),
+                MqttAct::Keep(_, attempt) => {
                     assert!(attempt.report.is_some(), "no end follows: {attempt:?}")
                 }
-                Act::Subscribe(_)
-                | Act::ToLine(ToLine::PathAlive)
-                | Act::ToLine(ToLine::PathOpened)
-                | Act::Reconnect(_) => {}
-                Act::EventTaken(_) | Act::WantEvents { .. } => {}
+                MqttAct::Subscribe(_)
+                | MqttAct::ToLine(ToLine::PathAlive)
+                | MqttAct::ToLine(ToLine::PathOpened)
+                | MqttAct::Reconnect(_) => {}
+                MqttAct::EventTaken(_) | MqttAct::WantEvents { .. } => {}
             }
             all.push(act);
             assert!(all.len() < ACTS_MAX, "no end of acts");
@@ -438,9 +441,9 @@ impl Rig {
 }
 
 /// The moment `millis` milliseconds after the start of the clock.
-fn moment(millis: u64) -> Moment {
+fn moment(millis: u64) -> ClockMoment {
     let since = i64::try_from(millis).expect("a moment");
-    Moment {
+    ClockMoment {
         mono: MonoTime::from_millis(millis),
         wall: WallTime {
             unix_ms: 1_767_225_600_000 + since,

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 use vfd_gateway::domain::command::Order;
-use vfd_gateway::north::operator::body::{sign_in, wish};
+use vfd_gateway::north::operator::body::{parse_command, sign_in};
 use vfd_gateway::north::operator::request::{is_own_page, key_text, may_be_called, session_id};
 
 pub fn run(bytes: &[u8]) {
@@ -31,7 +31,7 @@ pub fn run(bytes: &[u8]) {
 
 fn bodies(bytes: &[u8]) {
     let said = || serde_json::from_slice::<Value>(bytes).expect("what is taken is JSON");
-    if let Ok(wish) = wish(bytes, None) {
+    if let Ok(wish) = parse_command(bytes, None) {
         // A stop is accepted whatever accompanies it, JSON or not.
         if wish.beside.is_some() {
             assert!(

@@ -3,8 +3,8 @@
 //! Input: a piece that is the request's PDU, then the reply's.
 
 use super::feed::Feed;
-use vfd_gateway::domain::address::Table;
-use vfd_gateway::north::modbus::{Ask, parse};
+use vfd_gateway::domain::address::DataTable;
+use vfd_gateway::north::modbus::{ModbusRequest, parse};
 use vfd_gateway::wire::exception;
 use vfd_gateway::wire::mbap;
 use vfd_gateway::wire::pdu::{MAX_PDU_BYTES, Reply, Request, encode_read_reply, function};
@@ -56,7 +56,7 @@ fn is_the_right_one(request: &Request, answer: &Reply, pdu: &[u8]) {
         (Request::Read { count, .. }, Reply::Words(words)) => {
             assert_eq!(words.len(), usize::from(*count));
             let mut again = Vec::new();
-            encode_read_reply(&mut again, Table::Holding, words);
+            encode_read_reply(&mut again, DataTable::Holding, words);
             assert_eq!(again, pdu);
         }
         (Request::WriteSingle { .. }, Reply::Holds { value }) => {
@@ -85,18 +85,20 @@ fn of_a_client(pdu: &[u8]) {
         Ok(ask) => {
             assert_eq!(ask.function(), pdu[0]);
             let same = match ask {
-                Ask::ReadWords { address, count, .. } if pdu[0] == function::READ_HOLDING => {
+                ModbusRequest::ReadWords { address, count, .. }
+                    if pdu[0] == function::READ_HOLDING =>
+                {
                     Request::Read {
                         address: address.into(),
                         count,
                     }
                 }
-                Ask::LoopTest { data } => Request::Loopback { data },
-                Ask::WriteWord { address, value } => Request::WriteSingle {
+                ModbusRequest::LoopTest { data } => Request::Loopback { data },
+                ModbusRequest::WriteWord { address, value } => Request::WriteSingle {
                     address: address.into(),
                     value,
                 },
-                Ask::WriteWords { address, values } => {
+                ModbusRequest::WriteWords { address, values } => {
                     assert!(
                         usize::from(address) + values.len() <= 0x1_0000,
                         "past the last register"

@@ -6,7 +6,7 @@ use vfd_gateway::domain::command::Direction;
 use vfd_gateway::domain::control::{ControlAction, ControlSettings, FailSafe};
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::{DriveIndex, Name, UnitId};
-use vfd_gateway::drive::description::{DriveDescription, DriveRef, Points, Ratings};
+use vfd_gateway::drive::description::{DriveDescription, DriveRatings, DriveRef, PointSettings};
 use vfd_gateway::profile::catalog::Catalog;
 use vfd_gateway::profile::model::Model;
 use vfd_gateway::vendors;
@@ -63,9 +63,9 @@ pub fn drive(model: &Arc<Model>, place: u16, called: &str, has_control: bool) ->
         unit: UnitId::new(1).expect("a unit"),
         uniform_unit: UnitId::new(101).expect("a unit"),
         group: None,
-        pace: vfd_gateway::drive::plan::Pace::new(Duration::from_millis(500), 1.0),
-        ratings: Ratings::default(),
+        pace: vfd_gateway::drive::plan::PollPace::new(Duration::from_millis(500), 1.0),
+        ratings: DriveRatings::default(),
         control: has_control.then(|| Arc::new(control())),
-        points: Points::default(),
+        points: PointSettings::default(),
     }
 }

@@ -1,7 +1,7 @@
 //! The body of an order at the gateway's own socket: addresses and nothing else.
 
 use serde_json::{Value, json};
-use vfd_gateway::domain::command::Go;
+use vfd_gateway::domain::command::GoOrder;
 use vfd_gateway::north::setup_body::addresses;
 
 pub fn run(bytes: &[u8]) {
@@ -9,7 +9,7 @@ pub fn run(bytes: &[u8]) {
         return;
     };
     assert!(
-        (1..=Go::REGISTERS_MAX).contains(&addresses.len()),
+        (1..=GoOrder::REGISTERS_MAX).contains(&addresses.len()),
         "{addresses:?}"
     );
     let said: Value = serde_json::from_slice(bytes).expect("what is taken is JSON");

@@ -11,12 +11,14 @@ use vfd_gateway::domain::command::{CommandAnswer, Order, Outcome, Reason, Report
 use vfd_gateway::domain::ids::{AskerId, DriveIndex, Ticket};
 use vfd_gateway::domain::report::LineReport;
 use vfd_gateway::domain::time::{MonoTime, WallTime};
-use vfd_gateway::drive::snapshot::Presence;
+use vfd_gateway::drive::snapshot::DrivePresence;
 use vfd_gateway::drive::view::{ControlView, DriveView};
-use vfd_gateway::north::broker::{Broker, Event, LineState, Message, Publication, ToLine, Version};
-use vfd_gateway::north::clock::Moment;
-use vfd_gateway::north::sparkplug::payload::{Metric, Payload, Value};
-use vfd_gateway::north::sparkplug::{Act, Session, Settings};
+use vfd_gateway::north::broker::{
+    BrokerEvent, BrokerLimits, BrokerMessage, MqttVersion, Publication, SessionLine, ToLine,
+};
+use vfd_gateway::north::clock::ClockMoment;
+use vfd_gateway::north::sparkplug::payload::{PayloadMetric, PayloadValue, SparkplugPayload};
+use vfd_gateway::north::sparkplug::{Settings, SparkplugAct, SparkplugSession};
 
 const PROBE: &str = "vfd/plant/sparkplug/probe";
 const STATE: &str = "spBv1.0/STATE/scada";
@@ -54,11 +56,11 @@ pub fn run(bytes: &[u8]) {
 }
 
 struct Rig {
-    session: Session,
-    version: Version,
-    broker: Broker,
+    session: SparkplugSession,
+    version: MqttVersion,
+    broker: BrokerLimits,
     views: Vec<Arc<DriveView>>,
-    lines: Vec<LineState>,
+    lines: Vec<SessionLine>,
     millis: u64,
     bdseq: u8,
     /// The number of the next message; `None` before the first birth.
@@ -69,9 +71,9 @@ struct Rig {
 impl Rig {
     fn new(flags: u8) -> Self {
         let version = if flags & 1 == 0 {
-            Version::V4
+            MqttVersion::V4
         } else {
-            Version::V5
+            MqttVersion::V5
         };
         let settings = Settings {
             group: "g".into(),
@@ -97,18 +99,24 @@ impl Rig {
                 ..DriveView::default()
             };
             view.control = drive.control.is_some().then(ControlView::default);
-            view.snapshot.presence = Presence::Online;
+            view.snapshot.presence = DrivePresence::Online;
             Arc::new(view)
         });
         Self {
             views: views.collect(),
-            session: Session::new(settings, drives, &[plant::name("hall")], moment(1_000), 1),
+            session: SparkplugSession::new(
+                settings,
+                drives,
+                &[plant::name("hall")],
+                moment(1_000),
+                1,
+            ),
             version,
-            broker: Broker {
+            broker: BrokerLimits {
                 maximum_packet_bytes: (flags & 4 != 0).then_some(1_500),
                 retains: true,
             },
-            lines: vec![LineState {
+            lines: vec![SessionLine {
                 name: plant::name("hall"),
                 report: LineReport::default(),
                 stations: Vec::new(),
@@ -120,7 +128,7 @@ impl Rig {
         }
     }
 
-    fn at(&self) -> Moment {
+    fn at(&self) -> ClockMoment {
         moment(self.millis)
     }
 
@@ -128,11 +136,11 @@ impl Rig {
         self.session.connecting(self.bdseq);
         self.bdseq = self.bdseq.wrapping_add(1);
         self.session
-            .handle(self.at(), Event::Connected(self.broker));
+            .handle(self.at(), BrokerEvent::Connected(self.broker));
         self.next = None;
         let acts = self.acts();
         let filters = acts.iter().find_map(|act| {
-            if let Act::Subscribe(it) = act {
+            if let SparkplugAct::Subscribe(it) = act {
                 Some(it.len())
             } else {
                 None
@@ -140,7 +148,7 @@ impl Rig {
         });
         if let Some(filters) = filters {
             self.session
-                .handle(self.at(), Event::Subscribed(vec![true; filters]));
+                .handle(self.at(), BrokerEvent::Subscribed(vec![true; filters]));
             self.acts();
         }
     }
@@ -160,7 +168,7 @@ impl Rig {
             7 => self.state(feed),
             8 => self.poll(feed),
             _ => {
-                self.session.handle(self.at(), Event::Lost);
+                self.session.handle(self.at(), BrokerEvent::Lost);
                 self.acts();
                 if feed.flag() {
                     self.connect();
@@ -174,27 +182,27 @@ impl Rig {
         let metrics = (0..feed.byte() % 4).map(|_| {
             let name = feed.flag().then(|| feed.one_of(&NAMES).to_owned());
             let value = match feed.byte() % 6 {
-                0 => Value::Text(feed.one_of(&WORDS).to_owned()),
-                1 => Value::Double(f64::from(feed.word()) / 100.0),
-                2 => Value::Float(f32::from_bits(u32::from(feed.word()) << 16)),
-                3 => Value::Boolean(feed.flag()),
-                4 => Value::Int(feed.word().into()),
-                _ => Value::Long(u64::from(feed.word()) << (feed.byte() % 49)),
+                0 => PayloadValue::Text(feed.one_of(&WORDS).to_owned()),
+                1 => PayloadValue::Double(f64::from(feed.word()) / 100.0),
+                2 => PayloadValue::Float(f32::from_bits(u32::from(feed.word()) << 16)),
+                3 => PayloadValue::Boolean(feed.flag()),
+                4 => PayloadValue::Int(feed.word().into()),
+                _ => PayloadValue::Long(u64::from(feed.word()) << (feed.byte() % 49)),
             };
             let alias = name.is_none().then(|| feed.word().into());
             let is_null = feed.flag().then_some(true);
-            Metric {
+            PayloadMetric {
                 name,
                 alias,
                 is_null,
                 value: Some(value),
-                ..Metric::default()
+                ..PayloadMetric::default()
             }
         });
         let metrics = metrics.collect();
         let age_ms = u64::from(feed.word()) / 4;
         let now = u64::try_from(self.at().wall.unix_ms).expect("after 1970");
-        Payload {
+        SparkplugPayload {
             timestamp: feed.flag().then_some(now - age_ms),
             metrics,
             seq: None,
@@ -208,12 +216,13 @@ impl Rig {
         let retain = flags & 1 != 0;
         let duplicate = flags & 2 != 0;
         let message = message(topic, payload, retain, duplicate);
-        self.session.handle(self.at(), Event::Message(message));
+        self.session
+            .handle(self.at(), BrokerEvent::Message(message));
         let acts = self.acts();
         let orders: Vec<_> = acts
             .iter()
             .filter_map(|act| {
-                if let Act::ToLine(ToLine::Command(_, it)) = act {
+                if let SparkplugAct::ToLine(ToLine::Command(_, it)) = act {
                     Some(it)
                 } else {
                     None
@@ -230,7 +239,7 @@ impl Rig {
         );
         for request in orders {
             let is_stop = matches!(request.order, Order::Stop { .. } | Order::Coast);
-            let is_replay = retain && !(is_stop && self.version == Version::V5);
+            let is_replay = retain && !(is_stop && self.version == MqttVersion::V5);
             assert!(!is_replay, "a replay acts: {request:?}");
             assert!(is_stop || !duplicate, "a repeat acts: {request:?}");
             assert!(
@@ -248,7 +257,7 @@ impl Rig {
         }
         let kept = acts
             .iter()
-            .filter(|act| matches!(act, Act::Keep(..)))
+            .filter(|act| matches!(act, SparkplugAct::Keep(..)))
             .count();
         assert!(kept <= 4, "one message, {kept} rows of the audit");
     }
@@ -261,7 +270,7 @@ impl Rig {
         );
         self.session.handle(
             self.at(),
-            Event::Message(message(STATE, payload.as_bytes(), true, false)),
+            BrokerEvent::Message(message(STATE, payload.as_bytes(), true, false)),
         );
         self.acts();
     }
@@ -272,9 +281,9 @@ impl Rig {
         let at = self.at().mono;
         let mut view = self.views[place].as_ref().clone();
         view.snapshot.presence = if feed.byte() < 200 {
-            Presence::Online
+            DrivePresence::Online
         } else {
-            Presence::Offline
+            DrivePresence::Offline
         };
         view.trip.active = Some(feed.flag());
         view.snapshot.take(0x0101_u16.into(), &[feed.word()], at);
@@ -328,29 +337,31 @@ impl Rig {
     }
 
     /// All acts that are due now. Probes are delivered back; a connection that is to be left stays until it is lost.
-    fn acts(&mut self) -> Vec<Act> {
+    fn acts(&mut self) -> Vec<SparkplugAct> {
         let mut all = Vec::new();
         while let Some(act) = self.session.next_act(self.at(), &self.views, &self.lines) {
             match &act {
-                Act::Publish(it) if it.topic == PROBE => {
+                SparkplugAct::Publish(it) if it.topic == PROBE => {
                     let payload = it.payload.clone();
                     self.session.handle(
                         self.at(),
-                        Event::Message(message(PROBE, &payload, false, false)),
+                        BrokerEvent::Message(message(PROBE, &payload, false, false)),
                     );
                 }
-                Act::Publish(publication) => self.check_publication(publication),
-                Act::ToLine(ToLine::Command(_, request)) => self.tickets.push(request.ticket),
-                Act::Keep(_, attempt) => {
+                SparkplugAct::Publish(publication) => self.check_publication(publication),
+                SparkplugAct::ToLine(ToLine::Command(_, request)) => {
+                    self.tickets.push(request.ticket)
+                }
+                SparkplugAct::Keep(_, attempt) => {
                     assert!(attempt.report.is_some(), "no end follows: {attempt:?}")
                 }
-                Act::ToLine(ToLine::Read(..) | ToLine::PathOpened) => {
+                SparkplugAct::ToLine(ToLine::Read(..) | ToLine::PathOpened) => {
                     panic!("no host asks for this: {act:?}")
                 }
-                Act::Subscribe(_)
-                | Act::ToLine(ToLine::PathAlive)
-                | Act::Reconnect(_)
-                | Act::Leave(_) => {}
+                SparkplugAct::Subscribe(_)
+                | SparkplugAct::ToLine(ToLine::PathAlive)
+                | SparkplugAct::Reconnect(_)
+                | SparkplugAct::Leave(_) => {}
             }
             all.push(act);
             assert!(all.len() < ACTS_MAX, "no end of acts");
@@ -365,7 +376,7 @@ impl Rig {
             it.topic.len() + it.payload.len() <= most,
             "too large for the broker: {it:?}"
         );
-        let payload = Payload::parse(&it.payload).expect("a payload");
+        let payload = SparkplugPayload::parse(&it.payload).expect("a payload");
         let seq = payload.seq.expect("a number");
         let is_birth = it.topic.contains("/NBIRTH/");
         let expected = if is_birth { Some(0) } else { self.next };
@@ -374,8 +385,13 @@ impl Rig {
     }
 }
 
-fn message<'a>(topic: &'a str, payload: &'a [u8], retain: bool, duplicate: bool) -> Message<'a> {
-    Message {
+fn message<'a>(
+    topic: &'a str,
+    payload: &'a [u8],
+    retain: bool,
+    duplicate: bool,
+) -> BrokerMessage<'a> {
+    BrokerMessage {
         topic,
         payload,
         retain,
@@ -387,9 +403,9 @@ fn message<'a>(topic: &'a str, payload: &'a [u8], retain: bool, duplicate: bool)
 }
 
 /// The moment `millis` milliseconds after the start of the clock.
-fn moment(millis: u64) -> Moment {
+fn moment(millis: u64) -> ClockMoment {
     let since = i64::try_from(millis).expect("a moment");
-    Moment {
+    ClockMoment {
         mono: MonoTime::from_millis(millis),
         wall: WallTime {
             unix_ms: EPOCH_MS + since,

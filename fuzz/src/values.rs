@@ -7,9 +7,9 @@ use std::time::Duration;
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::Name;
 use vfd_gateway::sim::FaultPlan;
-use vfd_gateway::toml_file::values::{Kind, duration_text};
+use vfd_gateway::toml_file::values::{ValueKind, duration_text};
 use vfd_gateway::toml_file::words::PARITIES;
-use vfd_gateway::toml_file::{OptionalKey, Reader, document};
+use vfd_gateway::toml_file::{OptionalKey, TableReader, document};
 
 const TIMES: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(3600);
 const NUMBERS: RangeInclusive<u8> = 1..=247;
@@ -39,14 +39,14 @@ pub fn run(bytes: &[u8]) {
 }
 
 /// What `kind` reads from a file in which `text` is the literal value of a key.
-fn read<T>(text: &str, kind: &Kind<'_, T>) -> Option<T> {
+fn read<T>(text: &str, kind: &ValueKind<'_, T>) -> Option<T> {
     let file = format!("v = {text}");
     let mut problems = Vec::new();
     let Some(document) = document(&file, &mut problems) else {
         text::check_problems(&file, &problems);
         return None;
     };
-    let mut reader = Reader::new(document.section(), &mut problems);
+    let mut reader = TableReader::new(document.section(), &mut problems);
     let given = reader.optional("v", kind);
     reader.finish();
     match given {
@@ -66,7 +66,7 @@ fn read<T>(text: &str, kind: &Kind<'_, T>) -> Option<T> {
 
 /// A time is in its range and survives being shown and parsed.
 fn time(text: &str) {
-    let kind = Kind::duration(TIMES);
+    let kind = ValueKind::duration(TIMES);
     for quoted in [text.to_owned(), format!("'{text}'")] {
         let Some(time) = read(&quoted, &kind) else {
             continue;
@@ -80,18 +80,21 @@ fn time(text: &str) {
 }
 
 fn number(text: &str) {
-    if let Some(number) = read(text, &Kind::number(NUMBERS)) {
+    if let Some(number) = read(text, &ValueKind::number(NUMBERS)) {
         assert!(NUMBERS.contains(&number));
         assert_eq!(
-            read(&format!("{number:#x}"), &Kind::number(NUMBERS)),
+            read(&format!("{number:#x}"), &ValueKind::number(NUMBERS)),
             Some(number)
         );
     }
-    if let Some(decimal) = read(text, &Kind::decimal(DECIMALS)) {
+    if let Some(decimal) = read(text, &ValueKind::decimal(DECIMALS)) {
         assert!(DECIMALS.contains(&decimal), "{decimal}");
     }
-    if let Some(address) = read(text, &Kind::address()) {
-        assert_eq!(read(&address.to_string(), &Kind::address()), Some(address));
+    if let Some(address) = read(text, &ValueKind::address()) {
+        assert_eq!(
+            read(&address.to_string(), &ValueKind::address()),
+            Some(address)
+        );
     }
 }
 
@@ -110,9 +113,9 @@ fn frequency(text: &str) {
 }
 
 fn other_kinds(text: &str) {
-    read(text, &Kind::flag());
-    read(text, &Kind::text().or_word("auto"));
-    let parity = read(&format!("'{text}'"), &Kind::one_of(&PARITIES));
+    read(text, &ValueKind::flag());
+    read(text, &ValueKind::text().or_word("auto"));
+    let parity = read(&format!("'{text}'"), &ValueKind::one_of(&PARITIES));
     assert!(
         parity.is_none() || PARITIES.iter().any(|(word, _)| *word == text),
         "{text}"

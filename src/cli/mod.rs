@@ -21,14 +21,14 @@ use tools::log;
 #[command(name = "vfd-gateway", version, arg_required_else_help = true)]
 pub struct Cli {
     /// Format of log lines on stderr
-    #[arg(long, global = true, value_enum, default_value_t = log::Format::Text)]
-    log_format: log::Format,
+    #[arg(long, global = true, value_enum, default_value_t = log::LogFormat::Text)]
+    log_format: log::LogFormat,
     #[command(subcommand)]
-    command: Command,
+    command: CliCommand,
 }
 
 #[derive(Debug, Subcommand)]
-enum Command {
+enum CliCommand {
     /// Try everything on this machine: simulated drives behind a gateway with Modbus TCP, MQTT and a broker
     ///
     /// It plays drives of several makers in two groups, on lines at real speed, with a page for the user demo, a journal in
@@ -110,7 +110,7 @@ enum Command {
     Broker(broker::Args),
 }
 
-impl Command {
+impl CliCommand {
     /// The default log level. A tool prints its results itself.
     const fn log_level(&self) -> &'static str {
         match self {
@@ -142,36 +142,36 @@ pub fn main() -> ExitCode {
     let cli = parse();
     let _last_lines = log::start(cli.log_format, cli.command.log_level());
     let done = match cli.command {
-        Command::Demo(args) => demo::demo(&args),
-        Command::Init(args) => init::init(&args),
-        Command::Run(args) => run::run(&args),
-        Command::Check(args) => check::check(&args),
-        Command::Scan(args) => scan::scan(&args),
-        Command::Params(args) => params::params(&args),
-        Command::Models(args) => models::models(&args),
-        Command::Simulate(args) => simulate::simulate(&args),
-        Command::Health(args) => health::health(&args),
-        Command::Doctor(args) => doctor::doctor(&args),
-        Command::Diagnose(args) => diagnose::diagnose(&args),
-        Command::Standby(args) => standby::standby(&args),
-        Command::Standstill(args) => standstill::standstill(&args),
-        Command::Reload(args) => reload::reload(&args),
-        Command::Journal(args) => journal::journal(&args),
-        Command::Usage(args) => usage::usage(&args),
-        Command::Password(args) => password::password(&args),
-        Command::Certificate(args) => certificate::certificate(&args),
-        Command::Verify(args) => verify::verify(&args),
-        Command::Enable(args) => enable::enable(&args),
-        Command::Qualify(args) => qualify::qualify(&args),
-        Command::Watchdog(args) => watchdog::watchdog(&args),
-        Command::Read(args) => read::read(&args),
-        Command::Write(args) => write::write(&args),
-        Command::Watch(args) => watch::watch(&args),
-        Command::Capture(args) => capture::capture(&args),
-        Command::Map(args) => map::map(&args),
-        Command::Completions(args) => completions::completions(&args, command()),
-        Command::Man(args) => man::man(&args, command()),
-        Command::Broker(args) => broker::broker(&args),
+        CliCommand::Demo(args) => demo::demo(&args),
+        CliCommand::Init(args) => init::init(&args),
+        CliCommand::Run(args) => run::run(&args),
+        CliCommand::Check(args) => check::check(&args),
+        CliCommand::Scan(args) => scan::scan(&args),
+        CliCommand::Params(args) => params::params(&args),
+        CliCommand::Models(args) => models::models(&args),
+        CliCommand::Simulate(args) => simulate::simulate(&args),
+        CliCommand::Health(args) => health::health(&args),
+        CliCommand::Doctor(args) => doctor::doctor(&args),
+        CliCommand::Diagnose(args) => diagnose::diagnose(&args),
+        CliCommand::Standby(args) => standby::standby(&args),
+        CliCommand::Standstill(args) => standstill::standstill(&args),
+        CliCommand::Reload(args) => reload::reload(&args),
+        CliCommand::Journal(args) => journal::journal(&args),
+        CliCommand::Usage(args) => usage::usage(&args),
+        CliCommand::Password(args) => password::password(&args),
+        CliCommand::Certificate(args) => certificate::certificate(&args),
+        CliCommand::Verify(args) => verify::verify(&args),
+        CliCommand::Enable(args) => enable::enable(&args),
+        CliCommand::Qualify(args) => qualify::qualify(&args),
+        CliCommand::Watchdog(args) => watchdog::watchdog(&args),
+        CliCommand::Read(args) => read::read(&args),
+        CliCommand::Write(args) => write::write(&args),
+        CliCommand::Watch(args) => watch::watch(&args),
+        CliCommand::Capture(args) => capture::capture(&args),
+        CliCommand::Map(args) => map::map(&args),
+        CliCommand::Completions(args) => completions::completions(&args, command()),
+        CliCommand::Man(args) => man::man(&args, command()),
+        CliCommand::Broker(args) => broker::broker(&args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,23 +1,23 @@
 //! Which unproven actions of one drive are accepted: those that its control section lists, and those that were confirmed
 //! at the drive itself.
 
-use super::file::{ControlFile, File};
-use super::qualified::Standing;
+use super::file::{ConfigFile, ControlFile};
+use super::qualified::QualifiedStanding;
 use crate::domain::control::{BusFunctions, ControlAction, FailSafe, SiteEvidence};
 use crate::domain::problem::Problem;
 use crate::profile::model::Model;
-use crate::toml_file::{Location, OptionalKey, Spanned};
+use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
 use crate::vendors;
 
 /// What is accepted for one drive, and how what is not is reported.
 #[derive(Clone, Copy)]
-pub(super) struct Acceptance<'a> {
+pub(super) struct DriveAcceptance<'a> {
     file: &'a ControlFile,
-    standing: &'a Standing,
+    standing: &'a QualifiedStanding,
 }
 
-impl<'a> Acceptance<'a> {
-    pub const fn new(file: &'a ControlFile, standing: &'a Standing) -> Self {
+impl<'a> DriveAcceptance<'a> {
+    pub const fn new(file: &'a ControlFile, standing: &'a QualifiedStanding) -> Self {
         Self { file, standing }
     }
 
@@ -38,8 +38,11 @@ impl<'a> Acceptance<'a> {
     /// `problem`, that something unproven is not accepted. It is only a warning while the drive is being qualified, or if
     /// what was confirmed at it no longer counts: the guard refuses the orders, and the other drives are served.
     pub fn judged(&self, problem: Problem) -> Problem {
-        let is_expected =
-            self.qualifies() || matches!(self.standing, Standing::Void(..) | Standing::Unreadable);
+        let is_expected = self.qualifies()
+            || matches!(
+                self.standing,
+                QualifiedStanding::Void(..) | QualifiedStanding::Unreadable
+            );
         if is_expected {
             problem.warning()
         } else {
@@ -57,7 +60,7 @@ impl<'a> Acceptance<'a> {
     /// All accepted actions, and those of them that rest on what was seen at the drive.
     pub fn settled(&self, model: Option<&Model>) -> (Vec<ControlAction>, SiteEvidence) {
         let listed = super::lists::values(&self.file.accept_unverified).unwrap_or_default();
-        let Standing::Counts(evidence) = self.standing else {
+        let QualifiedStanding::Counts(evidence) = self.standing else {
             return (listed, SiteEvidence::default());
         };
         let counts = |action: &ControlAction| {
@@ -79,12 +82,12 @@ impl<'a> Acceptance<'a> {
     }
 
     /// Reports what there is to say about trials at this drive, whose section is at `location`.
-    pub fn check(&self, location: &Location, model: &Model, problems: &mut Vec<Problem>) {
-        if let Standing::Void(actions, why) = self.standing {
+    pub fn check(&self, location: &KeyLocation, model: &Model, problems: &mut Vec<Problem>) {
+        if let QualifiedStanding::Void(actions, why) = self.standing {
             let lost = actions
                 .iter()
                 .filter(|it| !self.lists(**it) && is_unproven(model, **it));
-            let lost: Vec<_> = lost.map(|it| it.word()).collect();
+            let lost: Vec<_> = lost.map(|it| it.keyword()).collect();
             if !lost.is_empty() {
                 let what = format!(
                     "what was qualified at this drive no longer counts ({}): {why}",
@@ -98,7 +101,7 @@ impl<'a> Acceptance<'a> {
                 );
             }
         }
-        let OptionalKey::Valid(Spanned {
+        let OptionalKey::Valid(LocatedValue {
             value: true,
             location,
         }) = &self.file.qualify
@@ -134,7 +137,7 @@ impl<'a> Acceptance<'a> {
 }
 
 /// Without a data directory there is no socket for the command, and no place for the results.
-pub(super) fn trials_are_kept(file: &File, problems: &mut Vec<Problem>) {
+pub(super) fn trials_are_kept(file: &ConfigFile, problems: &mut Vec<Problem>) {
     if !matches!(file.gateway.data_dir, OptionalKey::Absent) {
         return;
     }

@@ -10,7 +10,7 @@ const RIGHT: &str =
 
 /// A broker's address.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Address {
+pub(super) enum BrokerAddress {
     /// The broker inside this process.
     Embedded,
     /// A broker on the network.
@@ -22,7 +22,7 @@ pub(super) enum Address {
     },
 }
 
-impl Address {
+impl BrokerAddress {
     /// Whether traffic to it stays on this host.
     pub fn is_local(&self) -> bool {
         match self {
@@ -46,9 +46,9 @@ impl Address {
 pub(super) type Wrong = (String, String);
 
 /// Parses an address.
-pub(super) fn parse(text: &str) -> Result<Address, Wrong> {
+pub(super) fn parse(text: &str) -> Result<BrokerAddress, Wrong> {
     if text == "embedded" {
-        return Ok(Address::Embedded);
+        return Ok(BrokerAddress::Embedded);
     }
     if text.contains('@') {
         // The text may contain a password, so it is not repeated.
@@ -82,7 +82,7 @@ pub(super) fn parse(text: &str) -> Result<Address, Wrong> {
         None => default_port,
         Some(digits) => port_number(digits).ok_or_else(|| wrong("has no usable port"))?,
     };
-    Ok(Address::Tcp {
+    Ok(BrokerAddress::Tcp {
         host: host.to_owned(),
         port,
         tls,
@@ -93,8 +93,8 @@ pub(super) fn parse(text: &str) -> Result<Address, Wrong> {
 mod tests {
     use super::*;
 
-    fn tcp(host: &str, port: u16, tls: bool) -> Address {
-        Address::Tcp {
+    fn tcp(host: &str, port: u16, tls: bool) -> BrokerAddress {
+        BrokerAddress::Tcp {
             host: host.to_owned(),
             port,
             tls,
@@ -104,7 +104,7 @@ mod tests {
     #[test]
     fn hosts_ports_and_schemes_are_distinguished() {
         for (text, address) in [
-            ("embedded", Address::Embedded),
+            ("embedded", BrokerAddress::Embedded),
             ("mqtt://broker", tcp("broker", 1883, false)),
             ("mqtts://broker.example", tcp("broker.example", 8883, true)),
             ("mqtt://10.0.0.7:2883", tcp("10.0.0.7", 2883, false)),

@@ -8,7 +8,7 @@ use std::fmt;
 
 /// The differences between two configurations.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Change {
+pub struct ConfigChange {
     /// For each line of the new configuration, the index of the old line that continues as it; `None`: it is started.
     pub continues: Vec<Option<usize>>,
     /// Indices of the old lines that end: removed and restarted ones.
@@ -29,7 +29,7 @@ pub struct ChangeNote {
     /// Its name; `None` for a part that exists only once.
     pub name: Option<String>,
     /// How it changes.
-    pub how: How,
+    pub how: PartChange,
 }
 
 /// A part of a configuration.
@@ -56,7 +56,7 @@ pub enum ConfigPart {
 impl ConfigPart {
     /// The word for it.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Gateway => "gateway",
             Self::Standby => "standby",
@@ -72,7 +72,7 @@ impl ConfigPart {
 
 /// How a part changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum How {
+pub enum PartChange {
     /// It is new.
     Added,
     /// It is removed.
@@ -81,10 +81,10 @@ pub enum How {
     Changed,
 }
 
-impl How {
+impl PartChange {
     /// The word for it.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Added => "added",
             Self::Removed => "removed",
@@ -100,22 +100,22 @@ impl ChangeNote {
         Self {
             part: ConfigPart::Mqtt,
             name: None,
-            how: How::Changed,
+            how: PartChange::Changed,
         }
     }
 }
 
 impl fmt::Display for ChangeNote {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.part.word())?;
+        f.write_str(self.part.keyword())?;
         if let Some(name) = &self.name {
             write!(f, " {name}")?;
         }
-        write!(f, ": {}", self.how.word())
+        write!(f, ": {}", self.how.keyword())
     }
 }
 
-impl Change {
+impl ConfigChange {
     /// Compares `new` with `old`. Lines are identified by name, listeners by address.
     #[must_use]
     pub fn between(old: &Config, new: &Config) -> Self {
@@ -134,7 +134,7 @@ impl Change {
             continues,
             listeners: listeners.map(socket_of).collect(),
             needs_restart: needs_restart(old, new),
-            told: told(old, new),
+            told: change_notes(old, new),
         }
     }
 
@@ -167,13 +167,13 @@ fn needs_restart(old: &Config, new: &Config) -> Vec<&'static str> {
         .collect()
 }
 
-fn told(old: &Config, new: &Config) -> Vec<ChangeNote> {
+fn change_notes(old: &Config, new: &Config) -> Vec<ChangeNote> {
     let mut told = Vec::new();
     if old.gateway != new.gateway {
         told.push(ChangeNote {
             part: ConfigPart::Gateway,
             name: None,
-            how: How::Changed,
+            how: PartChange::Changed,
         });
     }
     one(
@@ -294,8 +294,8 @@ fn compare<T: PartialEq>(
     };
     for (name, value) in new {
         match old.iter().find(|(other, _)| other == name) {
-            None => tell(name, How::Added),
-            Some((_, other)) if other != value => tell(name, How::Changed),
+            None => tell(name, PartChange::Added),
+            Some((_, other)) if other != value => tell(name, PartChange::Changed),
             Some(_) => {}
         }
     }
@@ -303,7 +303,7 @@ fn compare<T: PartialEq>(
         .iter()
         .filter(|(name, _)| new.iter().all(|(other, _)| other != name))
     {
-        tell(name, How::Removed);
+        tell(name, PartChange::Removed);
     }
 }
 
@@ -314,9 +314,9 @@ fn one<T: PartialEq>(
     new: Option<&T>,
 ) {
     let how = match (old, new) {
-        (None, Some(_)) => How::Added,
-        (Some(_), None) => How::Removed,
-        (old, new) if old != new => How::Changed,
+        (None, Some(_)) => PartChange::Added,
+        (Some(_), None) => PartChange::Removed,
+        (old, new) if old != new => PartChange::Changed,
         _ => return,
     };
     told.push(ChangeNote {

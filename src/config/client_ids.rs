@@ -1,15 +1,15 @@
 //! Client identifiers at the broker: of two connections with the same one the broker ends the first.
 
-use super::file::{File, MqttFile, SparkplugFile};
+use super::file::{ConfigFile, MqttFile, SparkplugFile};
 use crate::domain::ids::Name;
 use crate::domain::problem::Problem;
-use crate::toml_file::{Location, OptionalKey};
+use crate::toml_file::{KeyLocation, OptionalKey};
 
 const ENDED: &str = "the broker would end one connection for the other";
 
 /// The Sparkplug connection has another identifier than that of `[mqtt]`, of this gateway and of its partner. The Sparkplug
 /// connections of a pair have the same one: there is one at a time.
-pub(super) fn are_distinct(file: &File, mqtt: &MqttFile, problems: &mut Vec<Problem>) {
+pub(super) fn are_distinct(file: &ConfigFile, mqtt: &MqttFile, problems: &mut Vec<Problem>) {
     let Some(sparkplug) = mqtt.sparkplug.valid().map(|it| &it.value) else {
         return;
     };
@@ -55,7 +55,11 @@ pub(super) fn are_distinct(file: &File, mqtt: &MqttFile, problems: &mut Vec<Prob
 }
 
 /// The identifiers for `[mqtt]`, without a half, and for Sparkplug; `None` if a key is invalid.
-fn written(file: &File, mqtt: &MqttFile, sparkplug: &SparkplugFile) -> Option<(String, String)> {
+fn written(
+    file: &ConfigFile,
+    mqtt: &MqttFile,
+    sparkplug: &SparkplugFile,
+) -> Option<(String, String)> {
     let id = |key: &OptionalKey<String>| key.clone().optional();
     let name = file.gateway.name.clone().optional()?;
     // The host's name, which is not known here, is one that no key has.
@@ -66,7 +70,7 @@ fn written(file: &File, mqtt: &MqttFile, sparkplug: &SparkplugFile) -> Option<(S
 }
 
 /// The names of the gateways of a pair; none if there is only one.
-fn halves(file: &File) -> Vec<(&str, &Location)> {
+fn halves(file: &ConfigFile) -> Vec<(&str, &KeyLocation)> {
     let Some(standby) = file.standby.valid().map(|it| &it.value) else {
         return Vec::new();
     };

@@ -1,6 +1,6 @@
 //! Checks that the configured clients can reach a drive, and that a lease outlasts a command.
 
-use super::file::{ControlFile, DriveFile, File, HttpFile, LineFile, ListenerFile, MqttFile};
+use super::file::{ConfigFile, ControlFile, DriveFile, HttpFile, LineFile, ListenerFile, MqttFile};
 use super::listen::may_be_written;
 use super::listener_tls;
 use super::mqtt::{
@@ -8,23 +8,23 @@ use super::mqtt::{
     least_restart_delay,
 };
 use super::ready::MqttSettings;
-use super::units::Units;
-use super::words::{RoleRight, Way};
+use super::units::DriveUnits;
+use super::words::{CommandInterface, RoleRight};
 use crate::domain::problem::Problem;
 use crate::guard::COMMAND_DEADLINE;
 use crate::north::broker::unnoticed;
 use crate::north::mqtt::LeaseMode;
 use crate::north::operator::moments;
 use crate::toml_file::values::duration_text;
-use crate::toml_file::{OptionalKey, Spanned};
+use crate::toml_file::{LocatedValue, OptionalKey};
 use std::collections::BTreeSet;
 
 /// Compares every control section with `[mqtt]` and the listeners. `served` holds, per listener of `file`, the
 /// indices of the lines it serves, and `units` the units of each drive of each line.
 pub(super) fn check(
-    file: &File,
+    file: &ConfigFile,
     served: &[BTreeSet<usize>],
-    units: &[Vec<Units>],
+    units: &[Vec<DriveUnits>],
     problems: &mut Vec<Problem>,
 ) {
     let at = |line: usize, drive: usize| units.get(line)?.get(drive).copied();
@@ -72,11 +72,11 @@ pub(super) fn check(
 }
 
 /// Whether a drive with these units answers at the listener, once all problems are fixed.
-fn answers(listener: &ListenerFile, units: Option<Units>) -> bool {
+fn answers(listener: &ListenerFile, units: Option<DriveUnits>) -> bool {
     let Some(listed) = listener.units.valid() else {
         return true;
     };
-    let Some(Units {
+    let Some(DriveUnits {
         native: Some(native),
         uniform: Some(uniform),
     }) = units
@@ -90,7 +90,7 @@ fn answers(listener: &ListenerFile, units: Option<Units>) -> bool {
 }
 
 fn mqtt_reaches(control: &ControlFile, mqtt: &OptionalKey<MqttFile>, problems: &mut Vec<Problem>) {
-    if let (Some(location), OptionalKey::Absent) = (control.names(Way::Mqtt), mqtt) {
+    if let (Some(location), OptionalKey::Absent) = (control.names(CommandInterface::Mqtt), mqtt) {
         let problem =
             location.problem("commands from \"mqtt\" are impossible: there is no `[mqtt]`");
         problems.push(problem.right("`[mqtt]` with `broker`, or leave it out"));
@@ -103,7 +103,7 @@ fn sparkplug_reaches(
     mqtt: &OptionalKey<MqttFile>,
     problems: &mut Vec<Problem>,
 ) {
-    let Some(location) = control.names(Way::Sparkplug) else {
+    let Some(location) = control.names(CommandInterface::Sparkplug) else {
         return;
     };
     let (mqtt, sparkplug) = match mqtt {
@@ -136,7 +136,7 @@ fn sparkplug_reaches(
 }
 
 fn page_reaches(control: &ControlFile, http: &OptionalKey<HttpFile>, problems: &mut Vec<Problem>) {
-    let Some(location) = control.names(Way::Page) else {
+    let Some(location) = control.names(CommandInterface::Page) else {
         return;
     };
     let signs_in = match http {
@@ -159,7 +159,7 @@ fn modbus_reaches(
     is_reached: bool,
     problems: &mut Vec<Problem>,
 ) {
-    let Some(location) = control.names(Way::ModbusTcp) else {
+    let Some(location) = control.names(CommandInterface::ModbusTcp) else {
         return;
     };
     if !is_reached {
@@ -178,7 +178,9 @@ fn modbus_reaches(
 /// A plain message that was delayed unnoticed must not be mistaken for one sent after a stop. With
 /// `commands = "strict"` no plain message is accepted at all.
 fn tells_old_from_new(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<Problem>) {
-    let by_broker = control.names(Way::Mqtt).or(control.names(Way::Sparkplug));
+    let by_broker = control
+        .names(CommandInterface::Mqtt)
+        .or(control.names(CommandInterface::Sparkplug));
     let (Some(mqtt), Some(_)) = (mqtt, by_broker) else {
         return;
     };
@@ -209,7 +211,10 @@ fn tells_old_from_new(control: &ControlFile, mqtt: Option<&MqttFile>, problems: 
 /// a stop that it has seen.
 fn tells_old_from_new_on_the_page(control: &ControlFile, problems: &mut Vec<Problem>) {
     let least = moments::AGE_MAX + AFTER_UNNOTICED;
-    let (Some(delay), Some(_)) = (control.restart_delay.valid(), control.names(Way::Page)) else {
+    let (Some(delay), Some(_)) = (
+        control.restart_delay.valid(),
+        control.names(CommandInterface::Page),
+    ) else {
         return;
     };
     if delay.value < least {
@@ -226,7 +231,7 @@ fn tells_old_from_new_on_the_page(control: &ControlFile, problems: &mut Vec<Prob
 
 /// A lease lasts longer than a command may wait; a session lease also lasts longer than the tolerated missing probes.
 fn outlasts(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<Problem>) {
-    let Some(Spanned {
+    let Some(LocatedValue {
         value: lost_after,
         location,
     }) = &control.lost_after
@@ -241,7 +246,9 @@ fn outlasts(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<P
         );
         problems.push(location.problem(what).right("a longer time, as \"5s\""));
     }
-    let by_broker = control.names(Way::Mqtt).or(control.names(Way::Sparkplug));
+    let by_broker = control
+        .names(CommandInterface::Mqtt)
+        .or(control.names(CommandInterface::Sparkplug));
     let (Some(mqtt), Some(_)) = (mqtt, by_broker) else {
         return;
     };
@@ -288,8 +295,9 @@ fn outlasts(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<P
 /// A right to write requires drives that accept commands from here; a right to stop requires drives with a control
 /// section.
 fn rights_matter(listener: &ListenerFile, drives: &[&DriveFile], problems: &mut Vec<Problem>) {
-    let takes_from_here =
-        |control: &ControlFile| control.from.is_none() || control.names(Way::ModbusTcp).is_some();
+    let takes_from_here = |control: &ControlFile| {
+        control.from.is_none() || control.names(CommandInterface::ModbusTcp).is_some()
+    };
     let any = |matters: &dyn Fn(&ControlFile) -> bool| {
         drives.is_empty()
             || drives.iter().any(|drive| match &drive.control {

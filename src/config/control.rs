@@ -1,14 +1,14 @@
 //! Checks a drive's control section against the abilities of its model and their confidence.
 
-use super::acceptance::Acceptance;
+use super::acceptance::DriveAcceptance;
 use super::file::{ControlFile, DriveFile, LimitsFile, LineFile};
 use super::lists;
-use super::mqtt::Defaults;
+use super::mqtt::DriveDefaults;
 use super::native;
-use super::qualified::Standing;
+use super::qualified::QualifiedStanding;
 use super::standby;
 use super::watchdog;
-use super::words::Way;
+use super::words::CommandInterface;
 use crate::domain::command::Direction;
 use crate::domain::control::{
     BusFunctions, ControlAction, ControlSettings, FailSafe, OnOutputOutside, Ownership,
@@ -17,10 +17,10 @@ use crate::domain::frequency::Hertz;
 use crate::domain::problem::Problem;
 use crate::domain::standby::OnGatewayLost;
 use crate::domain::units::UnitOfMeasure;
-use crate::profile::model::{Basic, Confidence, Model, Register, Role};
+use crate::profile::model::{BasicFact, Confidence, Model, Register, RegisterRole};
 use crate::profile::scale::to_raw;
 use crate::toml_file::values::duration_text;
-use crate::toml_file::{Location, OptionalKey, RequiredKey, Spanned};
+use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey, RequiredKey};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -33,12 +33,12 @@ const SLOWEST_POLL: Duration = Duration::from_secs(5);
 pub(super) fn settle(
     (line, drive): (&LineFile, &DriveFile),
     model: Option<&Model>,
-    defaults: Defaults,
-    standing: &Standing,
+    defaults: DriveDefaults,
+    standing: &QualifiedStanding,
     problems: &mut Vec<Problem>,
 ) -> Option<Option<Arc<ControlSettings>>> {
     let native_write = native::settle(drive, model, problems);
-    let Spanned {
+    let LocatedValue {
         value: file,
         location,
     } = match &drive.control {
@@ -52,7 +52,7 @@ pub(super) fn settle(
     let on_gateway_lost = standby::on_lost(file, location, line, problems);
     // A model that cannot be commanded at all is reported once, not for each key.
     let able = model.filter(|model| can_be_controlled(model, location, problems));
-    let accepted = Acceptance::new(file, standing);
+    let accepted = DriveAcceptance::new(file, standing);
     let limits = limits(file.limits.as_ref(), able, problems);
     if let Some(model) = able {
         wired(file, problems);
@@ -65,10 +65,10 @@ pub(super) fn settle(
     let (least, most) = limits?;
     let (accept_unverified, site) = accepted.settled(model);
     Some(Some(Arc::new(ControlSettings {
-        from_mqtt: file.names(Way::Mqtt).is_some(),
-        from_modbus_tcp: file.names(Way::ModbusTcp).is_some(),
-        from_page: file.names(Way::Page).is_some(),
-        from_sparkplug: file.names(Way::Sparkplug).is_some(),
+        from_mqtt: file.names(CommandInterface::Mqtt).is_some(),
+        from_modbus_tcp: file.names(CommandInterface::ModbusTcp).is_some(),
+        from_page: file.names(CommandInterface::Page).is_some(),
+        from_sparkplug: file.names(CommandInterface::Sparkplug).is_some(),
         bus: file.bus.or(BusFunctions::Both)?,
         least,
         most,
@@ -130,7 +130,9 @@ fn ways(file: &ControlFile, problems: &mut Vec<Problem>) {
     let strict = file.strict.valid().map(|strict| &strict.location);
     let delay = file.restart_delay.valid().map(|delay| &delay.location);
     let lease = file.lease.valid().map(|lease| &lease.location);
-    let by_broker = file.names(Way::Mqtt).or(file.names(Way::Sparkplug));
+    let by_broker = file
+        .names(CommandInterface::Mqtt)
+        .or(file.names(CommandInterface::Sparkplug));
     if !from.value.is_empty() && by_broker.is_none() {
         for location in [strict, lease].into_iter().flatten() {
             let problem = location.problem(
@@ -139,7 +141,7 @@ fn ways(file: &ControlFile, problems: &mut Vec<Problem>) {
             problems.push(problem.right("leave it out").warning());
         }
         if let Some(location) = delay
-            && file.names(Way::Page).is_none()
+            && file.names(CommandInterface::Page).is_none()
         {
             let what = "concerns commands over MQTT, Sparkplug and from the page only, and `from` names none of them";
             problems.push(location.problem(what).right("leave it out").warning());
@@ -159,7 +161,7 @@ fn wired(file: &ControlFile, problems: &mut Vec<Problem>) {
         if action.value != FailSafe::Hold {
             let what = format!(
                 "the drive is started and stopped elsewhere (bus = \"{}\"), so this cannot be relied on",
-                bus.value.word()
+                bus.value.keyword()
             );
             let right = "\"hold\", with the stop wired to the drive's terminals, or bus = \"both\"";
             problems.push(action.location.problem(what).right(right));
@@ -189,7 +191,7 @@ fn sign_is_written(file: &ControlFile, model: &Model, problems: &mut Vec<Problem
     {
         let what = format!(
             "reverse is a setpoint below 0, and the setpoint does not come over the bus (bus = \"{}\")",
-            bus.value.word()
+            bus.value.keyword()
         );
         problems.push(
             reverse
@@ -239,7 +241,7 @@ fn goes_both_ways(directions: &[Direction]) -> bool {
 }
 
 /// Whether a drive of this model can be commanded at all, whether its facts are proven or not.
-fn can_be_controlled(model: &Model, location: &Location, problems: &mut Vec<Problem>) -> bool {
+fn can_be_controlled(model: &Model, location: &KeyLocation, problems: &mut Vec<Problem>) -> bool {
     let Some(why) = why_not(model) else {
         return true;
     };
@@ -255,13 +257,16 @@ pub fn why_not(model: &Model) -> Option<String> {
         return Some("its description has no run commands".to_owned());
     }
     let role = |role| model.register_for(role);
-    let (Some(_), Some(frequency)) = (role(Role::RunCommand), role(Role::FrequencyCommand)) else {
+    let (Some(_), Some(frequency)) = (
+        role(RegisterRole::RunCommand),
+        role(RegisterRole::FrequencyCommand),
+    ) else {
         return Some("its description has no registers for run and frequency commands".to_owned());
     };
     if frequency.unit != UnitOfMeasure::Hertz {
         return Some("its frequency command is not in Hz".to_owned());
     }
-    if role(Role::OutputFrequency).is_none_or(|output| output.poll.is_none()) {
+    if role(RegisterRole::OutputFrequency).is_none_or(|output| output.poll.is_none()) {
         return Some(
             "its description has no output frequency that is polled, to see that a stop takes effect".to_owned(),
         );
@@ -271,9 +276,9 @@ pub fn why_not(model: &Model) -> Option<String> {
 
 /// Stop, forward and the setpoint are proven, or accepted together: no drive may be startable but not stoppable.
 fn basics(
-    accepted: Acceptance<'_>,
+    accepted: DriveAcceptance<'_>,
     file: &ControlFile,
-    location: &Location,
+    location: &KeyLocation,
     model: &Model,
     problems: &mut Vec<Problem>,
 ) {
@@ -289,7 +294,7 @@ fn basics(
     if unproven.is_empty() || accepted.accepts(ControlAction::Basic) {
         return;
     }
-    let what: Vec<_> = unproven.iter().map(Basic::described).collect();
+    let what: Vec<_> = unproven.iter().map(BasicFact::described).collect();
     let what = format!(
         "{} takes no orders: not proven by a manual of it: {}",
         model.id,
@@ -297,7 +302,7 @@ fn basics(
     );
     let words = std::iter::once(ControlAction::Basic).chain(others);
     let words: Vec<_> = words
-        .map(|action| format!("\"{}\"", action.word()))
+        .map(|action| format!("\"{}\"", action.keyword()))
         .collect();
     let line = format!("accept_unverified = [{}]", words.join(", "));
     let right = format!(
@@ -313,7 +318,9 @@ fn limits(
     problems: &mut Vec<Problem>,
 ) -> Option<(Hertz, Hertz)> {
     let LimitsFile { min, max } = file?;
-    if let Some(register) = model.and_then(|model| model.register_for(Role::FrequencyCommand)) {
+    if let Some(register) =
+        model.and_then(|model| model.register_for(RegisterRole::FrequencyCommand))
+    {
         can_be_set(min, register, problems);
         can_be_set(max, register, problems);
     }
@@ -342,7 +349,7 @@ fn limits(
 
 /// A limit must be a possible setpoint: one between two steps could never be reached.
 fn can_be_set(limit: &RequiredKey<Hertz>, register: &Register, problems: &mut Vec<Problem>) {
-    let Some(Spanned { value, location }) = limit else {
+    let Some(LocatedValue { value, location }) = limit else {
         return;
     };
     if register.form.pair.is_some() {
@@ -366,13 +373,13 @@ fn can_be_set(limit: &RequiredKey<Hertz>, register: &Register, problems: &mut Ve
 }
 
 /// How a model supports an action.
-enum Has {
+enum ActionSupport {
     No,
     Unproven(Confidence),
     Proven(Confidence),
 }
 
-fn has(model: &Model, action: ControlAction) -> Has {
+fn has(model: &Model, action: ControlAction) -> ActionSupport {
     if action == ControlAction::Basic {
         let unproven = model
             .unproven_basics()
@@ -381,23 +388,23 @@ fn has(model: &Model, action: ControlAction) -> Has {
             .max();
         let stop = model.run.as_ref().map(|run| run.stop.confidence);
         return match (unproven, stop) {
-            (Some(confidence), _) => Has::Unproven(confidence),
-            (None, Some(confidence)) => Has::Proven(confidence),
-            (None, None) => Has::No,
+            (Some(confidence), _) => ActionSupport::Unproven(confidence),
+            (None, Some(confidence)) => ActionSupport::Proven(confidence),
+            (None, None) => ActionSupport::No,
         };
     }
     let fact = model.run.as_ref().and_then(|run| run.action(action));
     match fact.map(|fact| fact.confidence) {
-        None => Has::No,
-        Some(confidence) if confidence.is_proven() => Has::Proven(confidence),
-        Some(confidence) => Has::Unproven(confidence),
+        None => ActionSupport::No,
+        Some(confidence) if confidence.is_proven() => ActionSupport::Proven(confidence),
+        Some(confidence) => ActionSupport::Unproven(confidence),
     }
 }
 
 /// Each action that the section relies on is supported, and proven or accepted. An acceptance without effect is a
 /// warning: the model may have proven the action since, and removing it changes nothing.
 fn actions(
-    accepted: Acceptance<'_>,
+    accepted: DriveAcceptance<'_>,
     file: &ControlFile,
     directions: Option<&[Direction]>,
     model: &Model,
@@ -408,7 +415,7 @@ fn actions(
         return;
     };
     lists::once(&listed.value, problems);
-    for Spanned {
+    for LocatedValue {
         value: action,
         location,
     } in &listed.value
@@ -421,7 +428,7 @@ fn actions(
 
 /// The actions that other keys of the section name.
 fn named_actions(
-    accepted: Acceptance<'_>,
+    accepted: DriveAcceptance<'_>,
     file: &ControlFile,
     model: &Model,
     problems: &mut Vec<Problem>,
@@ -430,7 +437,7 @@ fn named_actions(
         .directions
         .valid()
         .and_then(|list| list.value.iter().find(|it| it.value == Direction::Reverse));
-    if let Some(Spanned { location, .. }) = reverse {
+    if let Some(LocatedValue { location, .. }) = reverse {
         can_do(
             accepted,
             ControlAction::Reverse,
@@ -450,13 +457,13 @@ fn named_actions(
             problems,
         );
     }
-    if let Some(Spanned {
+    if let Some(LocatedValue {
         value: true,
         location,
     }) = file.allow_release.valid()
     {
         match has(model, ControlAction::Release) {
-            Has::No => problems.push(
+            ActionSupport::No => problems.push(
                 none_of(model, ControlAction::Release, location)
                     .right("leave it out")
                     .warning(),
@@ -480,29 +487,33 @@ fn why_nothing_to_accept(
     directions: Option<&[Direction]>,
     model: &Model,
 ) -> Option<String> {
-    let word = action.word();
+    let word = action.keyword();
     match has(model, action) {
-        Has::No => Some(format!(
+        ActionSupport::No => Some(format!(
             "{} has no {word}, so there is nothing to accept",
             model.id
         )),
-        Has::Proven(it) => Some(format!(
+        ActionSupport::Proven(it) => Some(format!(
             "{word} is proven for {} ({}), so there is nothing to accept",
             model.id,
-            it.word()
+            it.keyword()
         )),
-        Has::Unproven(_) if action == ControlAction::Reverse && !may_reverse(directions) => Some(
-            "`directions` does not allow \"reverse\", so there is nothing to accept".to_owned(),
-        ),
-        Has::Unproven(_) if action == ControlAction::Release && !may_release(file) => {
+        ActionSupport::Unproven(_)
+            if action == ControlAction::Reverse && !may_reverse(directions) =>
+        {
+            Some(
+                "`directions` does not allow \"reverse\", so there is nothing to accept".to_owned(),
+            )
+        }
+        ActionSupport::Unproven(_) if action == ControlAction::Release && !may_release(file) => {
             Some("`allow_release` is not true, so there is nothing to accept".to_owned())
         }
-        Has::Unproven(_) => None,
+        ActionSupport::Unproven(_) => None,
     }
 }
 
 /// Where the section says that the output is cut off.
-fn coasts(file: &ControlFile) -> impl Iterator<Item = &Location> {
+fn coasts(file: &ControlFile) -> impl Iterator<Item = &KeyLocation> {
     let fail_safes = [&file.on_commander_lost, &file.on_shutdown]
         .into_iter()
         .flatten();
@@ -520,8 +531,8 @@ fn may_reverse(directions: Option<&[Direction]>) -> bool {
     directions.is_none_or(|directions| directions.contains(&Direction::Reverse))
 }
 
-fn none_of(model: &Model, action: ControlAction, location: &Location) -> Problem {
-    location.problem(format!("{} has no {}", model.id, action.word()))
+fn none_of(model: &Model, action: ControlAction, location: &KeyLocation) -> Problem {
+    location.problem(format!("{} has no {}", model.id, action.keyword()))
 }
 
 fn may_release(file: &ControlFile) -> bool {
@@ -531,14 +542,14 @@ fn may_release(file: &ControlFile) -> bool {
 /// Reports at `place` that `action` is missing, or unproven and not accepted. `instead` does not need the action. A
 /// fail-safe action rests on what the section lists alone: it must not change its meaning when the drive does.
 fn can_do(
-    accepted: Acceptance<'_>,
+    accepted: DriveAcceptance<'_>,
     action: ControlAction,
     model: &Model,
-    location: &Location,
+    location: &KeyLocation,
     instead: &str,
     problems: &mut Vec<Problem>,
 ) {
-    let word = action.word();
+    let word = action.keyword();
     let is_fail_safe = action == ControlAction::Coast;
     let is_accepted = if is_fail_safe {
         accepted.lists(action)
@@ -546,12 +557,12 @@ fn can_do(
         accepted.accepts(action)
     };
     match has(model, action) {
-        Has::No => problems.push(none_of(model, action, location).right(instead)),
-        Has::Unproven(confidence) if !is_accepted => {
+        ActionSupport::No => problems.push(none_of(model, action, location).right(instead)),
+        ActionSupport::Unproven(confidence) if !is_accepted => {
             let what = format!(
                 "{word} is unproven for {} ({})",
                 model.id,
-                confidence.word()
+                confidence.keyword()
             );
             let right = format!(
                 "{instead}, or accept_unverified = [\"{word}\"] once you have seen it work"
@@ -563,6 +574,6 @@ fn can_do(
                 accepted.judged(problem)
             });
         }
-        Has::Unproven(_) | Has::Proven(_) => {}
+        ActionSupport::Unproven(_) | ActionSupport::Proven(_) => {}
     }
 }

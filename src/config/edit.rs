@@ -10,7 +10,7 @@ use toml::{Table, Value};
 
 /// A changed text.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Edited {
+pub struct EditedText {
     /// All of it.
     pub text: String,
     /// What was inserted, in bytes.
@@ -45,7 +45,7 @@ pub enum CannotEdit {
 ///
 /// # Errors
 /// Why it cannot be inserted.
-pub fn with_line(text: &str, line: &NewLine) -> Result<Edited, CannotEdit> {
+pub fn with_line(text: &str, line: &NewLine) -> Result<EditedText, CannotEdit> {
     let parsed = parsed(text)?;
     let part = line.text();
     let place = match parsed.get("line").map(|value| value.get_ref()) {
@@ -75,7 +75,11 @@ pub fn with_line(text: &str, line: &NewLine) -> Result<Edited, CannotEdit> {
 ///
 /// # Errors
 /// Why it cannot be inserted.
-pub fn with_control(text: &str, name: &str, control: &NewControl) -> Result<Edited, CannotEdit> {
+pub fn with_control(
+    text: &str,
+    name: &str,
+    control: &NewControl,
+) -> Result<EditedText, CannotEdit> {
     let parsed = parsed(text)?;
     let part = control.text();
     let (place, drive) =
@@ -205,7 +209,7 @@ fn collect(text: &str, table: &DeTable<'_>, path: &str, headers: &mut Vec<(usize
 }
 
 /// `part` in `text` at `place`, with the line ends of the text.
-fn inserted(text: &str, place: usize, part: &str) -> Edited {
+fn inserted(text: &str, place: usize, part: &str) -> EditedText {
     let (before, after) = text.split_at_checked(place).unwrap_or((text, ""));
     let end = if text.contains("\r\n") { "\r\n" } else { "\n" };
     let mut new = before.to_owned();
@@ -222,16 +226,16 @@ fn inserted(text: &str, place: usize, part: &str) -> Edited {
     new.push_str(&part.replace('\n', end));
     let added = start..new.len();
     new.push_str(after);
-    Edited { text: new, added }
+    EditedText { text: new, added }
 }
 
 /// `edited` if it differs from `text` only by what `without` takes out.
 fn alters_nothing(
     text: &str,
-    edited: Edited,
+    edited: EditedText,
     without: impl FnOnce(&mut Table),
     part: String,
-) -> Result<Edited, CannotEdit> {
+) -> Result<EditedText, CannotEdit> {
     let (Ok(old), Ok(mut new)) = (text.parse::<Table>(), edited.text.parse::<Table>()) else {
         return Err(CannotEdit::Alters(part));
     };

@@ -1,20 +1,20 @@
 //! The configuration as written: each value with its location, before defaults and cross-checks.
 
-use super::broker::Address;
-use super::ready::{PortAddress, Removal, Silence};
-use super::ready_http::Viewers;
-use super::words::{RoleRight, Way};
+use super::broker::BrokerAddress;
+use super::ready::{LineSilence, PortAddress, RemovalRule};
+use super::ready_http::PageViewers;
+use super::words::{CommandInterface, RoleRight};
 use crate::domain::command::Direction;
 use crate::domain::control::{BusFunctions, ControlAction, FailSafe, OnOutputOutside, Ownership};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{CommanderName, Name, Station, UnitId};
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, Parity};
 use crate::domain::standby::OnGatewayLost;
-use crate::north::broker::{Qos, Version};
-use crate::north::mqtt::{Combined, LeaseMode, Tree};
-use crate::north::operator::rights::Role;
+use crate::north::broker::{MqttVersion, Qos};
+use crate::north::mqtt::{CombinedEntity, LeaseMode, TopicTree};
+use crate::north::operator::rights::UserRole;
 use crate::profile::register::RegisterFile;
-use crate::toml_file::{Location, OptionalKey, RequiredKey, Spanned};
+use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey, RequiredKey};
 use ipnet::IpNet;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -22,7 +22,7 @@ use std::time::Duration;
 
 /// A configuration file.
 #[derive(Debug)]
-pub(super) struct File {
+pub(super) struct ConfigFile {
     pub gateway: GatewayFile,
     pub journal: OptionalKey<JournalFile>,
     pub standby: OptionalKey<StandbyFile>,
@@ -38,8 +38,8 @@ pub(super) struct File {
 pub(super) struct GatewayFile {
     pub name: OptionalKey<Name>,
     pub data_dir: OptionalKey<PathBuf>,
-    pub model_dirs: OptionalKey<Vec<Spanned<PathBuf>>>,
-    pub on_removal: OptionalKey<Removal>,
+    pub model_dirs: OptionalKey<Vec<LocatedValue<PathBuf>>>,
+    pub on_removal: OptionalKey<RemovalRule>,
 }
 
 impl GatewayFile {
@@ -55,7 +55,7 @@ impl GatewayFile {
 /// `[journal]`
 #[derive(Debug)]
 pub(super) struct JournalFile {
-    pub location: Location,
+    pub location: KeyLocation,
     /// In bytes.
     pub max_size: OptionalKey<u64>,
 }
@@ -63,14 +63,14 @@ pub(super) struct JournalFile {
 /// `[standby]`
 #[derive(Debug)]
 pub(super) struct StandbyFile {
-    pub location: Location,
+    pub location: KeyLocation,
     pub half: RequiredKey<Name>,
     pub partner: RequiredKey<Name>,
     pub rank: OptionalKey<u8>,
     pub take_over_after: OptionalKey<Option<Duration>>,
 }
 
-impl File {
+impl ConfigFile {
     /// Everything that serves units to Modbus clients: first the listeners, then the serial masters.
     pub fn units_servers(&self) -> Vec<&ListenerFile> {
         self.listeners
@@ -83,7 +83,7 @@ impl File {
 /// One `[[line]]`.
 #[derive(Debug)]
 pub(super) struct LineFile {
-    pub location: Location,
+    pub location: KeyLocation,
     pub name: RequiredKey<Name>,
     pub port: RequiredKey<PortAddress>,
     pub baud: OptionalKey<u32>,
@@ -95,7 +95,7 @@ pub(super) struct LineFile {
     pub echo: OptionalKey<EchoPolicy>,
     pub direction: OptionalKey<DirectionControl>,
     pub low_latency: OptionalKey<bool>,
-    pub silence: OptionalKey<Silence>,
+    pub silence: OptionalKey<LineSilence>,
     pub min_request_gap: OptionalKey<Duration>,
     pub reply_timeout: OptionalKey<Option<Duration>>,
     pub max_status_age: OptionalKey<Duration>,
@@ -116,7 +116,7 @@ impl LineFile {
 /// One `[[line.drive]]`.
 #[derive(Debug)]
 pub(super) struct DriveFile {
-    pub location: Location,
+    pub location: KeyLocation,
     pub name: RequiredKey<Name>,
     pub model: RequiredKey<String>,
     pub station: RequiredKey<Station>,
@@ -133,9 +133,9 @@ pub(super) struct DriveFile {
     /// In thousandths of a hertz.
     pub full_scale: OptionalKey<u32>,
     pub registers: Vec<RegisterFile>,
-    pub dead_bands: OptionalKey<Vec<(String, Spanned<f64>)>>,
-    pub heartbeats: OptionalKey<Vec<(String, Spanned<Duration>)>>,
-    pub decimals: OptionalKey<Vec<(String, Spanned<u8>)>>,
+    pub dead_bands: OptionalKey<Vec<(String, LocatedValue<f64>)>>,
+    pub heartbeats: OptionalKey<Vec<(String, LocatedValue<Duration>)>>,
+    pub decimals: OptionalKey<Vec<(String, LocatedValue<u8>)>>,
     pub control: OptionalKey<ControlFile>,
     pub native: OptionalKey<NativeFile>,
 }
@@ -153,17 +153,17 @@ impl DriveFile {
 /// `[line.drive.control]`
 #[derive(Debug)]
 pub(super) struct ControlFile {
-    pub from: RequiredKey<Vec<Spanned<Way>>>,
+    pub from: RequiredKey<Vec<LocatedValue<CommandInterface>>>,
     pub bus: OptionalKey<BusFunctions>,
     pub limits: Option<LimitsFile>,
-    pub directions: OptionalKey<Vec<Spanned<Direction>>>,
+    pub directions: OptionalKey<Vec<LocatedValue<Direction>>>,
     pub reverse_below: OptionalKey<Hertz>,
     pub on_commander_lost: RequiredKey<FailSafe>,
     pub lost_after: RequiredKey<Duration>,
     pub on_shutdown: RequiredKey<FailSafe>,
     pub on_output_outside: OptionalKey<OnOutputOutside>,
     pub on_gateway_lost: OptionalKey<OnGatewayLost>,
-    pub accept_unverified: OptionalKey<Vec<Spanned<ControlAction>>>,
+    pub accept_unverified: OptionalKey<Vec<LocatedValue<ControlAction>>>,
     pub qualify: OptionalKey<bool>,
     pub allow_release: OptionalKey<bool>,
     pub strict: OptionalKey<bool>,
@@ -181,7 +181,7 @@ pub(super) struct ControlFile {
 
 impl ControlFile {
     /// The location of `way` in `from`, if it is named there.
-    pub fn names(&self, way: Way) -> Option<&Location> {
+    pub fn names(&self, way: CommandInterface) -> Option<&KeyLocation> {
         let from = self.from.as_ref()?;
         from.value
             .iter()
@@ -200,7 +200,7 @@ pub(super) struct LimitsFile {
 /// `[line.drive.native]`
 #[derive(Debug)]
 pub(super) struct NativeFile {
-    pub write: RequiredKey<Vec<Spanned<String>>>,
+    pub write: RequiredKey<Vec<LocatedValue<String>>>,
     pub stored_write_interval: OptionalKey<Duration>,
     pub store: OptionalKey<bool>,
 }
@@ -208,14 +208,14 @@ pub(super) struct NativeFile {
 /// `[mqtt]`
 #[derive(Debug)]
 pub(super) struct MqttFile {
-    pub broker: RequiredKey<Address>,
-    pub also_at: OptionalKey<Vec<Spanned<Address>>>,
+    pub broker: RequiredKey<BrokerAddress>,
+    pub also_at: OptionalKey<Vec<LocatedValue<BrokerAddress>>>,
     pub user: OptionalKey<String>,
     pub password_file: OptionalKey<PathBuf>,
     pub password_env: OptionalKey<String>,
     pub allow_plain_password: OptionalKey<bool>,
     pub client_id: OptionalKey<String>,
-    pub version: OptionalKey<Version>,
+    pub version: OptionalKey<MqttVersion>,
     pub subscription_qos: OptionalKey<Qos>,
     pub prefix: OptionalKey<String>,
     pub heartbeat: OptionalKey<Duration>,
@@ -226,7 +226,7 @@ pub(super) struct MqttFile {
     pub command_ttl: OptionalKey<Duration>,
     pub response_prefix: OptionalKey<String>,
     pub keep_telemetry: OptionalKey<u32>,
-    pub publish: OptionalKey<Vec<Spanned<Tree>>>,
+    pub publish: OptionalKey<Vec<LocatedValue<TopicTree>>>,
     pub home_assistant: OptionalKey<HomeAssistantFile>,
     pub sparkplug: OptionalKey<SparkplugFile>,
     pub ca_file: OptionalKey<PathBuf>,
@@ -240,14 +240,14 @@ pub(super) struct HomeAssistantFile {
     pub discovery: RequiredKey<bool>,
     pub prefix: OptionalKey<String>,
     pub devices: OptionalKey<bool>,
-    pub combined: OptionalKey<Vec<Spanned<Combined>>>,
+    pub combined: OptionalKey<Vec<LocatedValue<CombinedEntity>>>,
     pub page: OptionalKey<String>,
 }
 
 /// `[mqtt.sparkplug]`
 #[derive(Debug)]
 pub(super) struct SparkplugFile {
-    pub location: Location,
+    pub location: KeyLocation,
     pub group: RequiredKey<String>,
     pub primary_host: OptionalKey<String>,
     pub client_id: OptionalKey<String>,
@@ -258,11 +258,11 @@ pub(super) struct SparkplugFile {
 /// `[http]`
 #[derive(Debug)]
 pub(super) struct HttpFile {
-    pub location: Location,
+    pub location: KeyLocation,
     pub listen: RequiredKey<SocketAddr>,
     pub allow: OptionalKey<Vec<IpNet>>,
-    pub hosts: OptionalKey<Vec<Spanned<String>>>,
-    pub view: OptionalKey<Viewers>,
+    pub hosts: OptionalKey<Vec<LocatedValue<String>>>,
+    pub view: OptionalKey<PageViewers>,
     pub setup: OptionalKey<bool>,
     pub users: Vec<HttpUserFile>,
     pub tls: OptionalKey<HttpTlsFile>,
@@ -278,12 +278,12 @@ impl HttpFile {
 /// One `[[http.users]]`.
 #[derive(Debug)]
 pub(super) struct HttpUserFile {
-    pub location: Location,
+    pub location: KeyLocation,
     pub name: RequiredKey<CommanderName>,
     pub password_hash: OptionalKey<String>,
     pub password_hash_file: OptionalKey<PathBuf>,
-    pub role: OptionalKey<Role>,
-    pub groups: OptionalKey<Vec<Spanned<Name>>>,
+    pub role: OptionalKey<UserRole>,
+    pub groups: OptionalKey<Vec<LocatedValue<Name>>>,
 }
 
 /// `[http.tls]`
@@ -296,17 +296,17 @@ pub(super) struct HttpTlsFile {
 /// One `[[modbus_tcp]]`.
 #[derive(Debug)]
 pub(super) struct ListenerFile {
-    pub location: Location,
+    pub location: KeyLocation,
     pub listen: RequiredKey<SocketAddr>,
     pub allow: OptionalKey<Vec<IpNet>>,
-    pub lines: OptionalKey<Vec<Spanned<String>>>,
-    pub write: OptionalKey<Vec<Spanned<IpNet>>>,
-    pub stop: OptionalKey<Vec<Spanned<IpNet>>>,
+    pub lines: OptionalKey<Vec<LocatedValue<String>>>,
+    pub write: OptionalKey<Vec<LocatedValue<IpNet>>>,
+    pub stop: OptionalKey<Vec<LocatedValue<IpNet>>>,
     pub reads_renew: OptionalKey<bool>,
     pub cached: OptionalKey<bool>,
-    pub units: OptionalKey<Vec<Spanned<UnitId>>>,
+    pub units: OptionalKey<Vec<LocatedValue<UnitId>>>,
     pub connections_max: OptionalKey<u32>,
-    pub priority: OptionalKey<Vec<Spanned<IpNet>>>,
+    pub priority: OptionalKey<Vec<LocatedValue<IpNet>>>,
     pub idle_timeout: OptionalKey<Duration>,
     pub keep_alive: OptionalKey<Duration>,
     pub tls: OptionalKey<ListenerTlsFile>,
@@ -315,7 +315,7 @@ pub(super) struct ListenerFile {
 /// One `[[modbus_rtu]]`.
 #[derive(Debug)]
 pub(super) struct SerialFile {
-    pub location: Location,
+    pub location: KeyLocation,
     pub name: RequiredKey<CommanderName>,
     pub port: RequiredKey<PortAddress>,
     pub baud: RequiredKey<u32>,
@@ -345,7 +345,7 @@ pub(super) struct ListenerTlsFile {
 #[derive(Clone, Debug)]
 pub(super) struct RoleFile {
     pub name: String,
-    pub rights: Spanned<Vec<Spanned<RoleRight>>>,
+    pub rights: LocatedValue<Vec<LocatedValue<RoleRight>>>,
 }
 
 impl ListenerFile {

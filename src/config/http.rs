@@ -1,14 +1,14 @@
 //! The HTTP listener: allowed networks, host names, and users.
 
-use super::file::{File, HttpFile, HttpUserFile};
+use super::file::{ConfigFile, HttpFile, HttpUserFile};
 use super::host::host_and_port;
 use super::listen::{guarded, is_loopback};
-pub use super::ready_http::{HashSource, HttpSettings, HttpTls, UserSettings, Viewers};
-use super::words::Way;
+pub use super::ready_http::{HashSource, HttpSettings, HttpTls, PageViewers, UserSettings};
+use super::words::CommandInterface;
 use crate::domain::problem::Problem;
 use crate::north::operator::password::StoredHash;
-use crate::north::operator::rights::{Rights, Role};
-use crate::toml_file::{Location, OptionalKey, Spanned};
+use crate::north::operator::rights::{UserRights, UserRole};
+use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
 use std::collections::BTreeSet;
 
 /// Maximum number of users. A person has one name, and a gateway has few operators.
@@ -17,7 +17,7 @@ const USERS_MAX: usize = 64;
 /// The ready settings of `http` in `file`; `None` if it is invalid, see `problems`.
 pub(super) fn settle(
     http: &HttpFile,
-    file: &File,
+    file: &ConfigFile,
     problems: &mut Vec<Problem>,
 ) -> Option<HttpSettings> {
     guarded(&http.listen, &http.allow, &http.location, problems);
@@ -45,7 +45,7 @@ pub(super) fn settle(
         listen: http.listen.as_ref()?.value,
         allow: http.allow.clone().optional()?,
         hosts: hosts?,
-        view: http.view.or(Viewers::Anyone)?,
+        view: http.view.or(PageViewers::Anyone)?,
         setup: http.setup.or(false)?,
         users: users.into_iter().collect::<Option<_>>()?,
         tls,
@@ -72,7 +72,7 @@ fn users_are_protected(http: &HttpFile, problems: &mut Vec<Problem>) {
 }
 
 /// Users require a drive that they may command.
-fn users_command(http: &HttpFile, file: &File, problems: &mut Vec<Problem>) {
+fn users_command(http: &HttpFile, file: &ConfigFile, problems: &mut Vec<Problem>) {
     let Some(user) = http.users.first() else {
         return;
     };
@@ -80,12 +80,12 @@ fn users_command(http: &HttpFile, file: &File, problems: &mut Vec<Problem>) {
         OptionalKey::Absent => false,
         OptionalKey::Invalid => true,
         OptionalKey::Valid(control) => {
-            control.value.from.is_none() || control.value.names(Way::Page).is_some()
+            control.value.from.is_none() || control.value.names(CommandInterface::Page).is_some()
         }
     };
     // Where one has to sign in to look or sets up in the page, a user has an effect without any control.
     let is_private =
-        matches!(&http.view, OptionalKey::Valid(view) if view.value == Viewers::SignedIn);
+        matches!(&http.view, OptionalKey::Valid(view) if view.value == PageViewers::SignedIn);
     if !is_private
         && !http.sets_up()
         && !file
@@ -114,7 +114,7 @@ fn viewers_can_sign_in(http: &HttpFile, problems: &mut Vec<Problem>) {
     let OptionalKey::Valid(view) = &http.view else {
         return;
     };
-    if view.value == Viewers::SignedIn && http.users.is_empty() {
+    if view.value == PageViewers::SignedIn && http.users.is_empty() {
         let problem = view
             .location
             .problem("nobody can sign in: there are no `users`");
@@ -127,10 +127,11 @@ fn viewers_can_sign_in(http: &HttpFile, problems: &mut Vec<Problem>) {
 /// Set-up in the page and the role for it belong together.
 fn setup_has_users(http: &HttpFile, problems: &mut Vec<Problem>) {
     let setup = http.setup.valid().filter(|written| written.value);
-    let user = http
-        .users
-        .iter()
-        .find_map(|user| user.role.valid().filter(|role| role.value == Role::Setup));
+    let user = http.users.iter().find_map(|user| {
+        user.role
+            .valid()
+            .filter(|role| role.value == UserRole::Setup)
+    });
     match (setup, user) {
         (Some(setup), None) => {
             let problem = setup
@@ -153,7 +154,7 @@ fn setup_has_users(http: &HttpFile, problems: &mut Vec<Problem>) {
 }
 
 /// A group without a drive is a misspelt one.
-fn groups_exist(http: &HttpFile, file: &File, problems: &mut Vec<Problem>) {
+fn groups_exist(http: &HttpFile, file: &ConfigFile, problems: &mut Vec<Problem>) {
     let drives = || file.lines.iter().flat_map(|line| &line.drives);
     let known: BTreeSet<_> = drives()
         .filter_map(|drive| drive.group.clone().optional().flatten())
@@ -204,7 +205,7 @@ fn names_are_unique(users: &[HttpUserFile], problems: &mut Vec<Problem>) {
 
 /// The names in lower case, for comparison.
 fn hosts(
-    given: &OptionalKey<Vec<Spanned<String>>>,
+    given: &OptionalKey<Vec<LocatedValue<String>>>,
     problems: &mut Vec<Problem>,
 ) -> Option<Vec<String>> {
     let list = match given {
@@ -212,7 +213,7 @@ fn hosts(
         OptionalKey::Invalid => return None,
         OptionalKey::Valid(list) => &list.value,
     };
-    let host = |written: &Spanned<String>| match host_and_port(&written.value) {
+    let host = |written: &LocatedValue<String>| match host_and_port(&written.value) {
         Some((host, None)) => Some(host.to_ascii_lowercase()),
         _ => {
             let problem = written
@@ -266,8 +267,8 @@ fn ready_user(user: &HttpUserFile, problems: &mut Vec<Problem>) -> Option<UserSe
                 .collect(),
         ),
     };
-    let rights = Rights {
-        role: user.role.or(Role::Maintain)?,
+    let rights = UserRights {
+        role: user.role.or(UserRole::Maintain)?,
         groups,
     };
     Some(UserSettings {
@@ -277,12 +278,12 @@ fn ready_user(user: &HttpUserFile, problems: &mut Vec<Problem>) -> Option<UserSe
     })
 }
 
-fn one_is_needed(location: &Location, what: &str, problems: &mut Vec<Problem>) {
+fn one_is_needed(location: &KeyLocation, what: &str, problems: &mut Vec<Problem>) {
     let right = "`password_hash_file` with the file that holds what `vfd-gateway password` prints, or `password_hash` with that itself";
     problems.push(location.problem(what).right(right));
 }
 
-fn read_hash(text: &Spanned<String>, problems: &mut Vec<Problem>) -> Option<StoredHash> {
+fn read_hash(text: &LocatedValue<String>, problems: &mut Vec<Problem>) -> Option<StoredHash> {
     // An invalid hash may be a password, which must not appear in messages.
     let unfit = |why| {
         text.location

@@ -1,14 +1,14 @@
 //! The cost of a line's polls and the waiting time of a stop, as far as the configuration determines them.
 
 use super::file::LineFile;
-use super::ready::{DriveSettings, LineSettings, Silence};
+use super::ready::{DriveSettings, LineSettings, LineSilence};
 use crate::domain::problem::Problem;
 use crate::domain::report::StopBounds;
 use crate::domain::standby::StandbyPair;
-use crate::line::budget::{self, Budget, PlannedRead, PlannedStation, Refresh};
+use crate::line::budget::{self, PlannedRead, PlannedStation, PollBudget, RefreshCost};
 use crate::line::standby::StandbyTimes;
 use crate::line::timeouts::ReplyTimeouts;
-use crate::line::timing::Timing;
+use crate::line::timing::LineTiming;
 use crate::profile::model::PollClass;
 use crate::toml_file::values::duration_text;
 use crate::wire::signal;
@@ -19,19 +19,19 @@ pub(super) const DEFAULT_STATUS_AGE: Duration = Duration::from_secs(5);
 
 /// Times of a line, and whether they are allowed only on a pseudo-terminal.
 #[must_use]
-pub fn timing(line: &LineSettings) -> (Timing, bool) {
+pub fn timing(line: &LineSettings) -> (LineTiming, bool) {
     let models = line.drives.iter().map(|drive| drive.model.as_ref());
-    let needed = Timing::for_models(line.framing, line.link, models, line.min_request_gap);
+    let needed = LineTiming::for_models(line.framing, line.link, models, line.min_request_gap);
     // Frames that say their length need no silence.
     let silence = if line.framing.has_characters() {
         line.silence
     } else {
-        Silence::Auto
+        LineSilence::Auto
     };
     match silence {
-        Silence::Fixed(silence) if silence < needed.silence => (needed.unpaced(silence), true),
-        Silence::Fixed(silence) => (Timing { silence, ..needed }, false),
-        Silence::Auto => (needed, false),
+        LineSilence::Fixed(silence) if silence < needed.silence => (needed.unpaced(silence), true),
+        LineSilence::Fixed(silence) => (LineTiming { silence, ..needed }, false),
+        LineSilence::Auto => (needed, false),
     }
 }
 
@@ -63,13 +63,13 @@ pub fn station(drive: &DriveSettings) -> PlannedStation<'_> {
 
 /// The cost of the polls of `line`.
 #[must_use]
-pub fn budget(line: &LineSettings) -> Budget {
+pub fn budget(line: &LineSettings) -> PollBudget {
     budget::of_plan(&timing(line).0, line.drives.iter().map(station))
 }
 
 /// A full refresh of all polled registers of `line`.
 #[must_use]
-pub fn refresh(line: &LineSettings) -> Refresh {
+pub fn refresh(line: &LineSettings) -> RefreshCost {
     budget::refresh(&timing(line).0, line.drives.iter().map(station))
 }
 
@@ -243,7 +243,7 @@ pub(super) fn check(file: &LineFile, line: &LineSettings, problems: &mut Vec<Pro
 }
 
 /// Why the plan does not fit: the number of drives and the load per second.
-fn arithmetic(line: &LineSettings, budget: &Budget) -> String {
+fn arithmetic(line: &LineSettings, budget: &PollBudget) -> String {
     let reads: Vec<&PlannedRead> = budget.stations.iter().flatten().collect();
     let fast = reads
         .iter()
@@ -263,7 +263,7 @@ fn arithmetic(line: &LineSettings, budget: &Budget) -> String {
 }
 
 /// Ways to make it fit, including the poll period that does.
-fn advice(line: &LineSettings, budget: &Budget) -> String {
+fn advice(line: &LineSettings, budget: &PollBudget) -> String {
     let slowest = line
         .drives
         .iter()

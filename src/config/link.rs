@@ -4,9 +4,9 @@ use super::file::{DriveFile, LineFile};
 use super::port;
 use crate::domain::link::{Framing, Interface, LinkSettings, Parity};
 use crate::domain::problem::Problem;
-use crate::profile::model::{Factory, Link, Model};
+use crate::profile::model::{FactorySetting, Model, ModelLink};
 use crate::toml_file::words::{FRAMINGS, INTERFACES, PARITIES, word_for};
-use crate::toml_file::{Location, OptionalKey};
+use crate::toml_file::{KeyLocation, OptionalKey};
 
 /// Default data bits of a line.
 const DEFAULT_DATA_BITS: u8 = 8;
@@ -18,7 +18,7 @@ pub(super) struct OnLine<'a> {
 }
 
 /// The settings of a line that agrees with its models.
-pub(super) struct Settled {
+pub(super) struct SettledLink {
     pub link: LinkSettings,
     pub framing: Framing,
     pub interface: Interface,
@@ -29,10 +29,10 @@ pub(super) fn settle(
     line: &LineFile,
     models: &[OnLine],
     problems: &mut Vec<Problem>,
-) -> Option<Settled> {
+) -> Option<SettledLink> {
     if port::is_modbus_tcp(line) {
         let link = LinkSettings::DEFAULT;
-        return Some(Settled {
+        return Some(SettledLink {
             link,
             framing: Framing::Mbap,
             interface: Interface::Rs485,
@@ -64,7 +64,7 @@ pub(super) fn settle(
         parity: parity?,
         stop_bits: stop_bits?,
     };
-    Some(Settled {
+    Some(SettledLink {
         link,
         framing: framing?,
         interface: interface?,
@@ -121,7 +121,7 @@ struct LinkPart<T: 'static> {
     name: &'static str,
     /// The value as written in a file.
     written: fn(T) -> String,
-    allowed: fn(&Link) -> &[T],
+    allowed: fn(&ModelLink) -> &[T],
 }
 
 /// A part for which models have a factory setting.
@@ -217,7 +217,7 @@ fn setting<T: Copy + PartialEq>(
 
 /// `value`, if every model supports it.
 fn possible<T: Copy + PartialEq>(
-    location: &Location,
+    location: &KeyLocation,
     models: &[OnLine],
     value: T,
     part: &LinkPart<T>,
@@ -257,13 +257,13 @@ fn shared_factory<T: Copy + PartialEq>(
         models.iter().map(
             |on_line| match (factory(on_line), &on_line.model.link.default.value) {
                 (Some(value), _) => format!("{} {}", on_line.model.id, (it.part.written)(value)),
-                (None, Factory::Set(of_ascii)) => {
+                (None, FactorySetting::Set(of_ascii)) => {
                     format!(
                         "{} leaves the factory with ASCII frames at {of_ascii}",
                         on_line.model.id
                     )
                 }
-                (None, Factory::Ask(text)) => format!("{}: {text}", on_line.model.id),
+                (None, FactorySetting::Ask(text)) => format!("{}: {text}", on_line.model.id),
             },
         );
     let each = each.collect::<Vec<_>>().join(", ");

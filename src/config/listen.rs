@@ -1,13 +1,13 @@
 //! Listeners: the lines that each serves, conflicts between addresses, networks that may connect, and their rights to
 //! write.
 
-use super::file::{File, ListenerFile};
+use super::file::{ConfigFile, ListenerFile};
 use super::listener_tls;
-use super::units::Units;
+use super::units::DriveUnits;
 use super::words::RoleRight;
 use crate::domain::ids::UnitId;
 use crate::domain::problem::{Problem, nearest};
-use crate::toml_file::{Location, OptionalKey, RequiredKey, Spanned};
+use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey, RequiredKey};
 use ipnet::IpNet;
 use std::collections::BTreeSet;
 use std::net::{IpAddr, SocketAddr};
@@ -19,7 +19,7 @@ pub(super) const DEFAULT_KEEP_ALIVE: Duration = Duration::from_secs(60);
 const TIMEOUT_LEAST: Duration = Duration::from_secs(1);
 
 /// The indices of the lines that each listener serves; empty if its list is unusable.
-pub(super) fn settle(file: &File, problems: &mut Vec<Problem>) -> Vec<BTreeSet<usize>> {
+pub(super) fn settle(file: &ConfigFile, problems: &mut Vec<Problem>) -> Vec<BTreeSet<usize>> {
     apart(file, problems);
     for listener in &file.listeners {
         guarded(
@@ -38,7 +38,11 @@ pub(super) fn settle(file: &File, problems: &mut Vec<Problem>) -> Vec<BTreeSet<u
         .collect()
 }
 
-fn served(file: &File, listener: &ListenerFile, problems: &mut Vec<Problem>) -> BTreeSet<usize> {
+fn served(
+    file: &ConfigFile,
+    listener: &ListenerFile,
+    problems: &mut Vec<Problem>,
+) -> BTreeSet<usize> {
     let names = match &listener.lines {
         OptionalKey::Absent => return (0..file.lines.len()).collect(),
         OptionalKey::Invalid => return BTreeSet::new(),
@@ -66,7 +70,7 @@ fn served(file: &File, listener: &ListenerFile, problems: &mut Vec<Problem>) -> 
     lines
 }
 
-fn line_called(file: &File, name: &Spanned<String>) -> Result<usize, Problem> {
+fn line_called(file: &ConfigFile, name: &LocatedValue<String>) -> Result<usize, Problem> {
     let names: Vec<Option<&str>> = file
         .lines
         .iter()
@@ -88,13 +92,13 @@ fn line_called(file: &File, name: &Spanned<String>) -> Result<usize, Problem> {
 }
 
 /// No two listeners use the same address; a wildcard address covers every other.
-fn apart(file: &File, problems: &mut Vec<Problem>) {
+fn apart(file: &ConfigFile, problems: &mut Vec<Problem>) {
     let http = file
         .http
         .valid()
         .and_then(|http| http.value.listen.as_ref());
     let modbus = file.listeners.iter().filter_map(|it| it.listen.as_ref());
-    let addresses: Vec<&Spanned<SocketAddr>> = modbus.chain(http).collect();
+    let addresses: Vec<&LocatedValue<SocketAddr>> = modbus.chain(http).collect();
     for (index, later) in addresses.iter().enumerate() {
         if let Some(earlier) = addresses
             .iter()
@@ -128,7 +132,7 @@ fn covers(wide: IpAddr, narrow: IpAddr) -> bool {
 pub(super) fn guarded(
     listen: &RequiredKey<SocketAddr>,
     allow: &OptionalKey<Vec<IpNet>>,
-    location: &Location,
+    location: &KeyLocation,
     problems: &mut Vec<Problem>,
 ) {
     let Some(listen) = listen else { return };
@@ -223,9 +227,9 @@ fn times(listener: &ListenerFile, problems: &mut Vec<Problem>) {
 
 /// Each listed unit belongs to a drive that the listener serves.
 pub(super) fn units_exist(
-    file: &File,
+    file: &ConfigFile,
     served: &[BTreeSet<usize>],
-    units: &[Vec<Units>],
+    units: &[Vec<DriveUnits>],
     problems: &mut Vec<Problem>,
 ) {
     for (listener, lines) in file.units_servers().iter().zip(served) {
@@ -269,7 +273,11 @@ pub(super) fn units_exist(
 }
 
 /// Clients of `network` can reach the listener. Two networks are either nested or disjoint.
-fn can_connect(listener: &ListenerFile, network: &Spanned<IpNet>, problems: &mut Vec<Problem>) {
+fn can_connect(
+    listener: &ListenerFile,
+    network: &LocatedValue<IpNet>,
+    problems: &mut Vec<Problem>,
+) {
     let (what, right) = match (&listener.allow, &listener.listen) {
         (OptionalKey::Valid(allow), _)
             if !allow

@@ -6,12 +6,12 @@ use super::ready::ListenerTls;
 use super::words::RoleRight;
 use crate::domain::command::Rights;
 use crate::domain::problem::Problem;
-use crate::toml_file::{OptionalKey, Spanned};
+use crate::toml_file::{LocatedValue, OptionalKey};
 use ipnet::{IpNet, Ipv4Net, Ipv6Net};
 
 /// Checks the roles, and the lists of networks against them.
 pub(super) fn check(listener: &ListenerFile, problems: &mut Vec<Problem>) {
-    let Some(Spanned {
+    let Some(LocatedValue {
         value: roles,
         location,
     }) = roles(listener)
@@ -94,7 +94,7 @@ pub(super) fn may(listener: &ListenerFile, right: RoleRight) -> bool {
 }
 
 /// The rights of all roles, with their locations.
-pub(super) fn rights(listener: &ListenerFile) -> impl Iterator<Item = &Spanned<RoleRight>> {
+pub(super) fn rights(listener: &ListenerFile) -> impl Iterator<Item = &LocatedValue<RoleRight>> {
     roles(listener)
         .into_iter()
         .flat_map(|roles| &roles.value)
@@ -137,10 +137,10 @@ fn ready(tls: &ListenerTlsFile) -> Option<ListenerTls> {
     })
 }
 
-fn roles(listener: &ListenerFile) -> Option<&Spanned<Vec<RoleFile>>> {
+fn roles(listener: &ListenerFile) -> Option<&LocatedValue<Vec<RoleFile>>> {
     listener.tls.valid()?.value.roles.as_ref()
 }
 
-fn has(rights: &Spanned<Vec<Spanned<RoleRight>>>, right: RoleRight) -> bool {
+fn has(rights: &LocatedValue<Vec<LocatedValue<RoleRight>>>, right: RoleRight) -> bool {
     rights.value.iter().any(|written| written.value == right)
 }

@@ -49,13 +49,13 @@ pub mod written;
 
 pub use acceptance::{is_tried, is_unproven};
 pub use control::why_not as why_not_controlled;
-pub use http::{HashSource, HttpSettings, HttpTls, UserSettings, Viewers};
-pub use native::{Listed, listed};
+pub use http::{HashSource, HttpSettings, HttpTls, PageViewers, UserSettings};
+pub use native::{ListedRegister, listed};
 pub use ratings::shown_in_per_cent;
 pub use ready::{
-    BEHIND_A_BRIDGE, BrokerSettings, ClientCertificate, Config, Credentials, DriveSettings,
-    GatewaySettings, JournalSettings, LineSettings, ListenerSettings, ListenerTls, MqttSettings,
-    PasswordSource, PortAddress, Removal, Silence, SparkplugSettings, TlsSettings,
+    BEHIND_A_BRIDGE, BrokerCredentials, BrokerSettings, ClientCertificate, Config, DriveSettings,
+    GatewaySettings, JournalSettings, LineSettings, LineSilence, ListenerSettings, ListenerTls,
+    MqttSettings, PasswordSource, PortAddress, RemovalRule, SparkplugSettings, TlsSettings,
     command_deadline,
 };
 pub use ready_serial::SerialMasterSettings;
@@ -63,9 +63,9 @@ pub use secrets::without_secrets;
 
 use crate::domain::problem::Problem;
 use crate::profile::catalog::Catalog;
-use crate::toml_file::Spanned;
-use qualified::Qualified;
-use resolve::Models;
+use crate::toml_file::LocatedValue;
+use qualified::QualifiedResults;
+use resolve::KnownModels;
 use std::path::PathBuf;
 
 /// Parses a port, for tools that take one as an argument.
@@ -93,7 +93,7 @@ pub fn serial_port_address(text: &str) -> Result<PortAddress, String> {
 /// The model directories of `text`, whose models belong to the catalog that it is [loaded](load) with; each with its
 /// location. Empty if they are unusable, which loading reports.
 #[must_use]
-pub fn model_dirs(text: &str) -> Vec<Spanned<PathBuf>> {
+pub fn model_dirs(text: &str) -> Vec<LocatedValue<PathBuf>> {
     read::model_dirs(text)
 }
 
@@ -109,7 +109,7 @@ pub fn data_dir(text: &str) -> Option<PathBuf> {
 /// Every problem of the text, by position, at least one of them more than a warning. Invalid TOML is reported as such,
 /// and its keys are not checked. If there are only warnings, they are in the configuration.
 pub fn load(text: &str, catalog: &Catalog) -> Result<Config, Vec<Problem>> {
-    load_at_site(text, catalog, Ok(&Qualified::default()))
+    load_at_site(text, catalog, Ok(&QualifiedResults::default()))
 }
 
 /// Loads the configuration as [`load`] does, with what was tried at its drives; or why nobody knows, which is reported.
@@ -119,11 +119,11 @@ pub fn load(text: &str, catalog: &Catalog) -> Result<Config, Vec<Problem>> {
 pub fn load_at_site(
     text: &str,
     catalog: &Catalog,
-    site: Result<&Qualified, &str>,
+    site: Result<&QualifiedResults, &str>,
 ) -> Result<Config, Vec<Problem>> {
     with_models(
         text,
-        Models {
+        KnownModels {
             catalog,
             are_all: true,
             site,
@@ -135,10 +135,10 @@ pub fn load_at_site(
 /// missing model may be one of those.
 #[must_use]
 pub fn problems_without_some_models(text: &str, catalog: &Catalog) -> Vec<Problem> {
-    let site = Ok(&Qualified::default());
+    let site = Ok(&QualifiedResults::default());
     with_models(
         text,
-        Models {
+        KnownModels {
             catalog,
             are_all: false,
             site,
@@ -148,7 +148,7 @@ pub fn problems_without_some_models(text: &str, catalog: &Catalog) -> Vec<Proble
     .unwrap_or_default()
 }
 
-fn with_models(text: &str, models: Models<'_>) -> Result<Config, Vec<Problem>> {
+fn with_models(text: &str, models: KnownModels<'_>) -> Result<Config, Vec<Problem>> {
     let mut problems = Vec::new();
     let file = read::read(text, &mut problems);
     let config = file.and_then(|file| resolve::resolve(&file, models, &mut problems));

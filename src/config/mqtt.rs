@@ -1,20 +1,20 @@
 //! The broker connection: defaults, and rules between its keys.
 
-use super::broker::Address;
+use super::broker::BrokerAddress;
 use super::client_ids;
-use super::file::{File, HomeAssistantFile, MqttFile};
+use super::file::{ConfigFile, HomeAssistantFile, MqttFile};
 use super::lists;
 use super::ready::{
-    BrokerSettings, ClientCertificate, Credentials, MqttSettings, PasswordSource,
+    BrokerCredentials, BrokerSettings, ClientCertificate, MqttSettings, PasswordSource,
     SparkplugSettings, TlsSettings,
 };
-use super::words::Way;
+use super::words::CommandInterface;
 use crate::domain::control::ControlSettings;
 use crate::domain::problem::Problem;
-use crate::north::broker::{Qos, Version, unnoticed};
-use crate::north::mqtt::{HomeAssistant, LeaseMode, Tree};
+use crate::north::broker::{MqttVersion, Qos, unnoticed};
+use crate::north::mqtt::{HomeAssistant, LeaseMode, TopicTree};
 use crate::toml_file::values::duration_text;
-use crate::toml_file::{Location, OptionalKey, Spanned};
+use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -44,14 +44,14 @@ pub(super) const fn least_restart_delay(probe_interval: Duration) -> Duration {
 
 /// Defaults that drives take from the section.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Defaults {
+pub(super) struct DriveDefaults {
     /// What renews a lease.
     pub lease: LeaseMode,
     /// How long plain RUN is refused after a stop.
     pub restart_delay: Duration,
 }
 
-impl Default for Defaults {
+impl Default for DriveDefaults {
     fn default() -> Self {
         Self {
             lease: LeaseMode::default(),
@@ -61,7 +61,7 @@ impl Default for Defaults {
 }
 
 /// The defaults for the drives of `file`.
-pub(super) fn defaults(file: &File) -> Defaults {
+pub(super) fn defaults(file: &ConfigFile) -> DriveDefaults {
     let mqtt = file.mqtt.valid().map(|mqtt| &mqtt.value);
     let least = mqtt
         .and_then(|mqtt| mqtt.probe_interval.or(DEFAULT_PROBE_INTERVAL))
@@ -70,15 +70,15 @@ pub(super) fn defaults(file: &File) -> Defaults {
         .unwrap_or_default()
         .min(LONGEST_LEAST)
         .max(ControlSettings::RESTART_DELAY);
-    Defaults {
+    DriveDefaults {
         lease: default_lease(file),
         restart_delay,
     }
 }
 
 /// A path used for commands is probed often enough.
-pub(super) fn probed_often(file: &MqttFile, whole: &File, problems: &mut Vec<Problem>) {
-    let Some(Spanned {
+pub(super) fn probed_often(file: &MqttFile, whole: &ConfigFile, problems: &mut Vec<Problem>) {
+    let Some(LocatedValue {
         value: interval,
         location,
     }) = file.probe_interval.valid()
@@ -92,8 +92,8 @@ pub(super) fn probed_often(file: &MqttFile, whole: &File, problems: &mut Vec<Pro
         .filter_map(|drive| drive.control.valid());
     let mut by_broker = controls.filter(|it| {
         it.value
-            .names(Way::Mqtt)
-            .or(it.value.names(Way::Sparkplug))
+            .names(CommandInterface::Mqtt)
+            .or(it.value.names(CommandInterface::Sparkplug))
             .is_some()
     });
     if least_restart_delay(*interval) <= LONGEST_LEAST || by_broker.next().is_none() {
@@ -114,14 +114,14 @@ pub(super) fn probed_often(file: &MqttFile, whole: &File, problems: &mut Vec<Pro
 }
 
 /// What renews an MQTT lease if a drive has no setting of its own.
-fn default_lease(file: &File) -> LeaseMode {
+fn default_lease(file: &ConfigFile) -> LeaseMode {
     let mqtt = file.mqtt.valid().map(|mqtt| &mqtt.value);
     mqtt.and_then(|mqtt| mqtt.lease.or(DEFAULT_LEASE))
         .unwrap_or(DEFAULT_LEASE)
 }
 
 /// What renews the leases of the drives: the session, if it renews that of any drive.
-pub(super) fn session_lease(file: &File, default: LeaseMode) -> LeaseMode {
+pub(super) fn session_lease(file: &ConfigFile, default: LeaseMode) -> LeaseMode {
     let controls = file
         .lines
         .iter()
@@ -129,7 +129,7 @@ pub(super) fn session_lease(file: &File, default: LeaseMode) -> LeaseMode {
         .filter_map(|drive| drive.control.valid());
     let of_mqtt = controls
         .map(|control| &control.value)
-        .filter(|control| control.names(Way::Mqtt).is_some());
+        .filter(|control| control.names(CommandInterface::Mqtt).is_some());
     let leases: Vec<_> = of_mqtt
         .map(|control| control.lease.or(default).unwrap_or(default))
         .collect();
@@ -144,7 +144,7 @@ pub(super) fn session_lease(file: &File, default: LeaseMode) -> LeaseMode {
 /// `lease` is what renews the leases of the drives.
 pub(super) fn settle(
     file: &MqttFile,
-    whole: &File,
+    whole: &ConfigFile,
     lease: LeaseMode,
     problems: &mut Vec<Problem>,
 ) -> Option<MqttSettings> {
@@ -168,7 +168,7 @@ pub(super) fn settle(
         broker: broker(file)?,
         credentials: credentials(file)?,
         client_id: file.client_id.clone().optional()?,
-        version: file.version.or(Version::V5)?,
+        version: file.version.or(MqttVersion::V5)?,
         subscription_qos: file.subscription_qos.or(Qos::AtLeastOnce)?,
         prefix: file.prefix.or(DEFAULT_PREFIX.to_owned())?,
         heartbeat: file.heartbeat.or(DEFAULT_HEARTBEAT)?,
@@ -241,12 +241,12 @@ fn other_nodes(file: &MqttFile, problems: &mut Vec<Problem>) {
     };
     for (index, node) in list.value.iter().enumerate() {
         let mut earlier = list.value.iter().take(index).chain([broker]);
-        let problem = if broker.value == Address::Embedded {
+        let problem = if broker.value == BrokerAddress::Embedded {
             node.location
                 .problem("has no effect: the embedded broker has only one node")
                 .right("leave it out")
                 .warning()
-        } else if node.value == Address::Embedded {
+        } else if node.value == BrokerAddress::Embedded {
             node.location
                 .problem("the embedded broker has only one node")
                 .right("leave it out")
@@ -268,7 +268,7 @@ fn other_nodes(file: &MqttFile, problems: &mut Vec<Problem>) {
 }
 
 /// The session number must persist across restarts.
-fn sparkplug_has_a_place(file: &File, mqtt: &MqttFile, problems: &mut Vec<Problem>) {
+fn sparkplug_has_a_place(file: &ConfigFile, mqtt: &MqttFile, problems: &mut Vec<Problem>) {
     let Some(sparkplug) = mqtt.sparkplug.valid() else {
         return;
     };
@@ -281,17 +281,17 @@ fn sparkplug_has_a_place(file: &File, mqtt: &MqttFile, problems: &mut Vec<Proble
 }
 
 /// What is published; `None` if it is invalid, see `problems`.
-pub(super) fn publish(file: &MqttFile) -> Option<Vec<Tree>> {
+pub(super) fn publish(file: &MqttFile) -> Option<Vec<TopicTree>> {
     match &file.publish {
-        OptionalKey::Absent => Some(Tree::ALL.to_vec()),
+        OptionalKey::Absent => Some(TopicTree::ALL.to_vec()),
         list => lists::values(list),
     }
 }
 
 fn broker(file: &MqttFile) -> Option<BrokerSettings> {
     Some(match &file.broker.as_ref()?.value {
-        Address::Embedded => BrokerSettings::Embedded,
-        Address::Tcp { host, port, tls } => {
+        BrokerAddress::Embedded => BrokerSettings::Embedded,
+        BrokerAddress::Tcp { host, port, tls } => {
             let host = host.clone();
             let port = *port;
             let also_at = also_at(file)?;
@@ -312,8 +312,8 @@ fn broker(file: &MqttFile) -> Option<BrokerSettings> {
 /// The other nodes of the broker's cluster; `None` if the list is invalid, see `problems`.
 fn also_at(file: &MqttFile) -> Option<Vec<(String, u16)>> {
     let location = |address| match address {
-        Address::Embedded => None,
-        Address::Tcp { host, port, .. } => Some((host, port)),
+        BrokerAddress::Embedded => None,
+        BrokerAddress::Tcp { host, port, .. } => Some((host, port)),
     };
     let mut nodes: Vec<(String, u16)> = lists::values(&file.also_at)?
         .into_iter()
@@ -344,7 +344,7 @@ fn tls_settings(file: &MqttFile) -> Option<TlsSettings> {
     })
 }
 
-fn credentials(file: &MqttFile) -> Option<Option<Credentials>> {
+fn credentials(file: &MqttFile) -> Option<Option<BrokerCredentials>> {
     let from_file = file
         .password_file
         .clone()
@@ -356,14 +356,14 @@ fn credentials(file: &MqttFile) -> Option<Option<Credentials>> {
         .optional()?
         .map(PasswordSource::Env);
     let user = file.user.clone().optional()?;
-    Some(user.map(|user| Credentials {
+    Some(user.map(|user| BrokerCredentials {
         user,
         password: from_file.or(from_env),
     }))
 }
 
 /// The location of a key that is present, valid or not.
-fn location<T>(given: &OptionalKey<T>) -> Option<&Location> {
+fn location<T>(given: &OptionalKey<T>) -> Option<&KeyLocation> {
     given.valid().map(|written| &written.location)
 }
 
@@ -392,7 +392,7 @@ fn plain_password(file: &MqttFile, problems: &mut Vec<Problem>) {
         .or(location(&file.password_file))
         .or(location(&file.password_env));
     let others = file.also_at.valid().map_or(&[][..], |list| &list.value);
-    let stays = |node: &Spanned<Address>| node.value.is_tls() || node.value.is_local();
+    let stays = |node: &LocatedValue<BrokerAddress>| node.value.is_tls() || node.value.is_local();
     let is_exposed = secret.is_some() && !others.iter().chain([broker]).all(stays);
     match &file.allow_plain_password {
         OptionalKey::Valid(allowed) if allowed.value && !is_exposed => {
@@ -405,7 +405,7 @@ fn plain_password(file: &MqttFile, problems: &mut Vec<Problem>) {
                     .warning(),
             );
         }
-        OptionalKey::Valid(Spanned { value: true, .. }) | OptionalKey::Invalid => {}
+        OptionalKey::Valid(LocatedValue { value: true, .. }) | OptionalKey::Invalid => {}
         OptionalKey::Absent | OptionalKey::Valid(_) if is_exposed => {
             let problem = broker
                 .location
@@ -438,7 +438,7 @@ fn tls_files(file: &MqttFile, problems: &mut Vec<Problem>) {
     let Some(broker) = file.broker.as_ref().filter(|broker| !broker.value.is_tls()) else {
         return;
     };
-    let is_embedded = broker.value == Address::Embedded;
+    let is_embedded = broker.value == BrokerAddress::Embedded;
     let files: [&OptionalKey<PathBuf>; 3] = [&file.ca_file, cert, key];
     for location in files.into_iter().filter_map(location) {
         let problem =
@@ -456,7 +456,7 @@ fn embedded(file: &MqttFile, problems: &mut Vec<Problem>) {
     if file
         .broker
         .as_ref()
-        .is_none_or(|broker| broker.value != Address::Embedded)
+        .is_none_or(|broker| broker.value != BrokerAddress::Embedded)
     {
         return;
     }
@@ -511,18 +511,23 @@ fn announced_is_published(file: &MqttFile, problems: &mut Vec<Problem>) {
         .discovery
         .as_ref()
         .is_some_and(|discovery| discovery.value);
-    let needed = [Tree::State, Tree::Values, Tree::Line, Tree::Info];
+    let needed = [
+        TopicTree::State,
+        TopicTree::Values,
+        TopicTree::Line,
+        TopicTree::Info,
+    ];
     let missing = needed
         .into_iter()
         .find(|tree| !list.value.iter().any(|listed| listed.value == *tree));
     if is_announced && let Some(tree) = missing {
         let what = format!(
             "Home Assistant would show entities of `{}`, which is not published",
-            tree.word()
+            tree.keyword()
         );
         let all: Vec<_> = needed
             .iter()
-            .map(|tree| format!("\"{}\"", tree.word()))
+            .map(|tree| format!("\"{}\"", tree.keyword()))
             .collect();
         problems.push(list.location.problem(what).right(format!(
             "a list with {}, or without discovery",
@@ -547,9 +552,9 @@ fn idle(file: &MqttFile, lease: LeaseMode, problems: &mut Vec<Problem>) {
                 .warning(),
         );
     }
-    if let (Some(prefix), Some(Version::V4)) = (
+    if let (Some(prefix), Some(MqttVersion::V4)) = (
         location(&file.response_prefix),
-        file.version.or(Version::V5),
+        file.version.or(MqttVersion::V5),
     ) {
         let problem = prefix.problem("has no effect: MQTT 3.1.1 has no response topics");
         problems.push(problem.right("leave it out, or version = 5").warning());

@@ -1,11 +1,11 @@
 //! The native registers of a drive that clients may write.
 
 use super::file::{DriveFile, NativeFile};
-use crate::domain::address::Table;
+use crate::domain::address::DataTable;
 use crate::domain::control::ControlSettings;
 use crate::domain::problem::{Problem, nearest};
-use crate::profile::model::{CommitEffect, Model, Register, Role};
-use crate::toml_file::{OptionalKey, Spanned};
+use crate::profile::model::{CommitEffect, Model, Register, RegisterRole};
+use crate::toml_file::{LocatedValue, OptionalKey};
 use std::time::Duration;
 
 /// The writable addresses of `drive`, in the order of the list; `None` if it is invalid, see `problems`.
@@ -14,7 +14,7 @@ pub(super) fn settle(
     model: Option<&Model>,
     problems: &mut Vec<Problem>,
 ) -> Option<Vec<u16>> {
-    let Spanned {
+    let LocatedValue {
         value: file,
         location,
     } = match &drive.native {
@@ -35,7 +35,7 @@ pub(super) fn settle(
     let model = model?;
     let mut addresses = Vec::new();
     for written in &list.value {
-        match named(written, model).and_then(|listed| listed.writable(written)) {
+        match find_listed(written, model).and_then(|listed| listed.writable(written)) {
             Ok(listed) if addresses.contains(&listed.address) => {
                 let what = format!(
                     "register `{}`, 0x{:04X}, is listed twice",
@@ -100,7 +100,7 @@ pub(super) fn stored_write_interval(drive: &DriveFile) -> Option<Duration> {
 
 /// The register that a listed address writes to.
 #[derive(Clone, Copy)]
-pub struct Listed<'m> {
+pub struct ListedRegister<'m> {
     /// The address itself.
     pub address: u16,
     /// The register there.
@@ -111,7 +111,7 @@ pub struct Listed<'m> {
 
 /// The register that `address` writes to on `model`; `None` if there is none.
 #[must_use]
-pub fn listed(model: &Model, address: u16) -> Option<Listed<'_>> {
+pub fn listed(model: &Model, address: u16) -> Option<ListedRegister<'_>> {
     let twin_of = model.quirks.stored_alias_bit.as_ref().and_then(|bit| {
         let bit = 1_u16.checked_shl(bit.value.into())?;
         if address & bit == 0 {
@@ -126,16 +126,16 @@ pub fn listed(model: &Model, address: u16) -> Option<Listed<'_>> {
         .or_else(|| model.register_at(address))
         .or(twin_of)
         .or(in_ram)?;
-    Some(Listed {
+    Some(ListedRegister {
         address,
         register,
         twin_of,
     })
 }
 
-impl Listed<'_> {
+impl ListedRegister<'_> {
     /// Itself, if it may be made writable.
-    fn writable(self, written: &Spanned<String>) -> Result<Self, Problem> {
+    fn writable(self, written: &LocatedValue<String>) -> Result<Self, Problem> {
         // A register added by the configuration may be at the address of a twin.
         for register in self.twin_of.into_iter().chain([self.register]) {
             self.is_no_way_around_control(register, written)?;
@@ -152,7 +152,7 @@ impl Listed<'_> {
     fn is_no_way_around_control(
         self,
         register: &Register,
-        written: &Spanned<String>,
+        written: &LocatedValue<String>,
     ) -> Result<(), Problem> {
         let refused = |why: &str| {
             written
@@ -163,7 +163,7 @@ impl Listed<'_> {
             return Err(refused(&format!("is never written: {why}")).right("leave it out"));
         }
         match register.role {
-            Some(Role::RunCommand | Role::Order | Role::FrequencyCommand) => Err(refused("takes commands").right(
+            Some(RegisterRole::RunCommand | RegisterRole::Order | RegisterRole::FrequencyCommand) => Err(refused("takes commands").right(
                 "leave it out; `control` says what may be commanded, and each write there is reviewed as a command",
             )),
             Some(role) if role.is_guarded() => {
@@ -185,7 +185,10 @@ impl Listed<'_> {
 }
 
 /// Finds the register for `written`: a name, a code, or an address in hexadecimal.
-fn named<'m>(written: &Spanned<String>, model: &'m Model) -> Result<Listed<'m>, Problem> {
+fn find_listed<'m>(
+    written: &LocatedValue<String>,
+    model: &'m Model,
+) -> Result<ListedRegister<'m>, Problem> {
     let text = written.value.as_str();
     if let Some(digits) = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
         let address = if digits.starts_with('+') {
@@ -199,7 +202,8 @@ fn named<'m>(written: &Spanned<String>, model: &'m Model) -> Result<Listed<'m>, 
         });
     }
     let found = model.register_named(text);
-    if let Some(register) = found.filter(|register| register.address.table() != Table::Holding) {
+    if let Some(register) = found.filter(|register| register.address.table() != DataTable::Holding)
+    {
         let problem = written
             .location
             .problem(format!("`{}` is no holding register", register.name));

@@ -1,12 +1,12 @@
 //! Publication of a drive's polled registers over MQTT: dead bands, heartbeats and decimals.
 
-use super::file::{DriveFile, File};
+use super::file::{ConfigFile, DriveFile};
 use super::mqtt;
 use crate::domain::problem::{Problem, nearest};
-use crate::drive::description::Points;
-use crate::north::mqtt::Tree;
+use crate::drive::description::PointSettings;
+use crate::north::mqtt::TopicTree;
 use crate::profile::model::{Model, Register};
-use crate::toml_file::{OptionalKey, Spanned};
+use crate::toml_file::{LocatedValue, OptionalKey};
 
 /// The tables of `drive`, by the names of registers that are polled; `None` if it is invalid, see `problems`. `is_published`: whether
 /// there is a broker to publish to.
@@ -15,29 +15,29 @@ pub(super) fn settle(
     model: Option<&Model>,
     is_published: bool,
     problems: &mut Vec<Problem>,
-) -> Option<Points> {
-    let dead_bands = named(
+) -> Option<PointSettings> {
+    let dead_bands = read_point_table(
         &drive.dead_bands,
         "a dead band",
         model,
         is_published,
         problems,
     );
-    let heartbeats = named(
+    let heartbeats = read_point_table(
         &drive.heartbeats,
         "a heartbeat",
         model,
         is_published,
         problems,
     );
-    let decimals = named(
+    let decimals = read_point_table(
         &drive.decimals,
         "the count of decimals",
         model,
         is_published,
         problems,
     );
-    let mut points = Points {
+    let mut points = PointSettings {
         dead_bands: dead_bands?,
         heartbeats: heartbeats?,
         decimals: decimals?,
@@ -52,14 +52,14 @@ pub(super) fn settle(
 }
 
 /// The values of one table.
-fn named<T: Copy>(
-    given: &OptionalKey<Vec<(String, Spanned<T>)>>,
+fn read_point_table<T: Copy>(
+    given: &OptionalKey<Vec<(String, LocatedValue<T>)>>,
     what: &str,
     model: Option<&Model>,
     is_published: bool,
     problems: &mut Vec<Problem>,
 ) -> Option<Vec<(String, T)>> {
-    let Spanned {
+    let LocatedValue {
         value: table,
         location,
     } = match given {
@@ -103,7 +103,7 @@ fn polled(model: &Model) -> impl Iterator<Item = &Register> {
 
 /// The names of registers that would get more decimals than they have, which would only look precise.
 fn too_fine<'t>(
-    table: &'t [(String, Spanned<u8>)],
+    table: &'t [(String, LocatedValue<u8>)],
     model: &Model,
     problems: &mut Vec<Problem>,
 ) -> Vec<&'t str> {
@@ -131,16 +131,17 @@ fn too_fine<'t>(
 }
 
 /// Tables without effect, because their topics are not published.
-pub(super) fn idle(file: &File, problems: &mut Vec<Problem>) {
+pub(super) fn idle(file: &ConfigFile, problems: &mut Vec<Problem>) {
     let Some(written) = file.mqtt.valid().map(|written| &written.value) else {
         return;
     };
     let Some(publish) = mqtt::publish(written) else {
         return;
     };
-    let has_values = publish.contains(&Tree::Values);
-    let is_any_shown =
-        has_values || publish.contains(&Tree::State) || written.keep_telemetry.or(0) != Some(0);
+    let has_values = publish.contains(&TopicTree::Values);
+    let is_any_shown = has_values
+        || publish.contains(&TopicTree::State)
+        || written.keep_telemetry.or(0) != Some(0);
     for drive in file.lines.iter().flat_map(|line| &line.drives) {
         let tables = [
             (

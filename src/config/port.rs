@@ -5,7 +5,7 @@ use super::host::{host_and_port, port_number};
 use super::ready::PortAddress;
 use crate::domain::link::Interface;
 use crate::domain::problem::Problem;
-use crate::toml_file::{Location, OptionalKey};
+use crate::toml_file::{KeyLocation, OptionalKey};
 use std::net::Ipv6Addr;
 use std::path::PathBuf;
 
@@ -78,7 +78,7 @@ pub(super) fn check(line: &LineFile, problems: &mut Vec<Problem>) {
     if is_modbus_tcp(line) {
         return without_characters(line, problems);
     }
-    let mut leave_out = |location: &Location, what: &str| {
+    let mut leave_out = |location: &KeyLocation, what: &str| {
         problems.push(
             location
                 .problem(format!("has no effect: {what}"))
@@ -133,7 +133,7 @@ fn without_characters(line: &LineFile, problems: &mut Vec<Problem>) {
         line.low_latency.valid().map(|it| &it.location),
         line.silence.valid().map(|it| &it.location),
     ];
-    let mut leave_out = |location: &Location, what: &str| {
+    let mut leave_out = |location: &KeyLocation, what: &str| {
         problems.push(
             location
                 .problem(format!("has no effect: {what}"))

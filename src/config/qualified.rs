@@ -38,7 +38,7 @@ pub struct QualifiedDrive {
 
 /// What came of a trial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Finding {
+pub enum TrialFinding {
     /// The drive did what the model says, and the person saw it.
     Confirmed,
     /// The drive did something else than the model says.
@@ -47,13 +47,13 @@ pub enum Finding {
     Skipped,
 }
 
-impl Finding {
+impl TrialFinding {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::Confirmed, Self::Contradicted, Self::Skipped];
 
     /// The word in the file.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Confirmed => "confirmed",
             Self::Contradicted => "contradicted",
@@ -64,7 +64,7 @@ impl Finding {
     /// The finding with this word.
     #[must_use]
     pub fn of(word: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|it| it.word() == word)
+        Self::ALL.into_iter().find(|it| it.keyword() == word)
     }
 }
 
@@ -74,7 +74,7 @@ pub struct QualifiedFact {
     /// The action.
     pub action: ControlAction,
     /// What came of it.
-    pub result: Finding,
+    pub result: TrialFinding,
     /// Who tried it.
     pub by: String,
     /// When.
@@ -83,20 +83,20 @@ pub struct QualifiedFact {
 
 /// All results of one drive.
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct Entry {
+struct QualifiedEntry {
     drive: QualifiedDrive,
     facts: Vec<QualifiedFact>,
 }
 
 /// The content of the file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Qualified {
-    entries: Vec<Entry>,
+pub struct QualifiedResults {
+    entries: Vec<QualifiedEntry>,
 }
 
 /// Why the results of a drive do not count any more.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Voided {
+pub enum VoidReason {
     /// It is of another model now.
     Model,
     /// The file of the model has changed.
@@ -105,7 +105,7 @@ pub enum Voided {
     Identity,
 }
 
-impl fmt::Display for Voided {
+impl fmt::Display for VoidReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Model => "the drive is of another model now",
@@ -117,19 +117,19 @@ impl fmt::Display for Voided {
 
 /// What the file says of one drive.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum Standing {
+pub enum QualifiedStanding {
     /// Nothing.
     #[default]
     Never,
     /// These unproven actions were confirmed.
     Counts(SiteEvidence),
     /// These unproven actions were confirmed, and no longer count.
-    Void(Vec<ControlAction>, Voided),
+    Void(Vec<ControlAction>, VoidReason),
     /// Nobody knows: the file cannot be used.
     Unreadable,
 }
 
-impl Standing {
+impl QualifiedStanding {
     /// The actions that were confirmed and count.
     #[must_use]
     pub fn actions(&self) -> &[ControlAction] {
@@ -140,7 +140,7 @@ impl Standing {
     }
 }
 
-impl Qualified {
+impl QualifiedResults {
     /// Parses the text of the file.
     ///
     /// # Errors
@@ -181,35 +181,35 @@ impl Qualified {
 
     /// What it says of the drive of `model` at `station` of `line`.
     #[must_use]
-    pub fn standing(&self, line: &str, station: Station, model: &Model) -> Standing {
-        let Some(Entry { drive, facts }) = self.entry(line, station) else {
-            return Standing::Never;
+    pub fn standing(&self, line: &str, station: Station, model: &Model) -> QualifiedStanding {
+        let Some(QualifiedEntry { drive, facts }) = self.entry(line, station) else {
+            return QualifiedStanding::Never;
         };
         let confirmed: Vec<_> = facts
             .iter()
-            .filter(|it| it.result == Finding::Confirmed)
+            .filter(|it| it.result == TrialFinding::Confirmed)
             .map(|it| it.action)
             .collect();
         if confirmed.is_empty() {
-            return Standing::Never;
+            return QualifiedStanding::Never;
         }
         let identity = model.identity.as_ref().map(|it| it.address);
         let voided = if drive.model != model.id {
-            Some(Voided::Model)
+            Some(VoidReason::Model)
         } else if drive.digest != model.digest {
-            Some(Voided::ModelFile)
+            Some(VoidReason::ModelFile)
         } else if drive.identity.map(|(address, _)| address) != identity.map(Address::number) {
-            Some(Voided::Identity)
+            Some(VoidReason::Identity)
         } else {
             None
         };
         match voided {
-            Some(why) => Standing::Void(confirmed, why),
+            Some(why) => QualifiedStanding::Void(confirmed, why),
             None => {
                 let identity = identity
                     .zip(drive.identity)
                     .map(|(address, (_, word))| (address, word));
-                Standing::Counts(SiteEvidence {
+                QualifiedStanding::Counts(SiteEvidence {
                     actions: confirmed,
                     identity,
                 })
@@ -238,19 +238,19 @@ impl Qualified {
             at: shortened(&fact.at),
             ..fact
         };
-        let is_here = |it: &Entry| {
+        let is_here = |it: &QualifiedEntry| {
             (it.drive.line.as_str(), it.drive.station) == (drive.line.as_str(), drive.station)
         };
         self.entries.retain(|it| !is_here(it) || it.drive == *drive);
         if let Some(entry) = self.entries.iter_mut().find(|it| is_here(it)) {
             let is_known = entry.facts.iter().any(|it| it.action == fact.action);
-            if is_known && fact.result == Finding::Skipped {
+            if is_known && fact.result == TrialFinding::Skipped {
                 return Ok(());
             }
             entry.facts.retain(|it| it.action != fact.action);
             entry.facts.push(fact);
         } else if self.entries.len() < DRIVES_MAX {
-            self.entries.push(Entry {
+            self.entries.push(QualifiedEntry {
                 drive: drive.clone(),
                 facts: vec![fact],
             });
@@ -270,7 +270,7 @@ impl Qualified {
         self.entries.len() < before
     }
 
-    fn entry(&self, line: &str, station: Station) -> Option<&Entry> {
+    fn entry(&self, line: &str, station: Station) -> Option<&QualifiedEntry> {
         self.entries
             .iter()
             .find(|it| it.drive.line == line && it.drive.station == station.0)
@@ -283,7 +283,7 @@ pub fn action_of(word: &str) -> Option<ControlAction> {
     ControlAction::ALL
         .iter()
         .copied()
-        .find(|it| it.word() == word)
+        .find(|it| it.keyword() == word)
 }
 
 fn shortened(text: &str) -> String {
@@ -293,10 +293,10 @@ fn shortened(text: &str) -> String {
         .collect()
 }
 
-fn shown(entry: &Entry) -> Value {
-    let Entry { drive, facts } = entry;
+fn shown(entry: &QualifiedEntry) -> Value {
+    let QualifiedEntry { drive, facts } = entry;
     let facts = facts.iter().map(
-        |fact| json!({ "action": fact.action.word(), "result": fact.result.word(), "by": fact.by, "at": fact.at }),
+        |fact| json!({ "action": fact.action.keyword(), "result": fact.result.keyword(), "by": fact.by, "at": fact.at }),
     );
     json!({
         "line": drive.line,
@@ -308,13 +308,13 @@ fn shown(entry: &Entry) -> Value {
     })
 }
 
-fn entry_of(value: &Value) -> Option<Entry> {
+fn entry_of(value: &Value) -> Option<QualifiedEntry> {
     let of = value.as_object()?;
     let identity = match of.get("identity")? {
         Value::Null => None,
         identity => Some((
-            word(identity.get("register")?)?,
-            word(identity.get("word")?)?,
+            parse_word(identity.get("register")?)?,
+            parse_word(identity.get("word")?)?,
         )),
     };
     let drive = QualifiedDrive {
@@ -328,7 +328,7 @@ fn entry_of(value: &Value) -> Option<Entry> {
         .get("facts")?
         .as_array()
         .filter(|facts| facts.len() <= ControlAction::ALL.len())?;
-    Some(Entry {
+    Some(QualifiedEntry {
         drive,
         facts: facts.iter().map(fact_of).collect::<Option<_>>()?,
     })
@@ -337,7 +337,7 @@ fn entry_of(value: &Value) -> Option<Entry> {
 fn fact_of(value: &Value) -> Option<QualifiedFact> {
     let of = value.as_object()?;
     let action = action_of(of.get("action")?.as_str()?)?;
-    let result = Finding::of(of.get("result")?.as_str()?)?;
+    let result = TrialFinding::of(of.get("result")?.as_str()?)?;
     Some(QualifiedFact {
         action,
         result,
@@ -346,7 +346,7 @@ fn fact_of(value: &Value) -> Option<QualifiedFact> {
     })
 }
 
-fn word(value: &Value) -> Option<u16> {
+fn parse_word(value: &Value) -> Option<u16> {
     u16::try_from(value.as_u64()?).ok()
 }
 
@@ -359,7 +359,7 @@ fn text(of: &Map<String, Value>, key: &str) -> Option<String> {
 mod tests {
     use super::*;
     use crate::drive::testing::model;
-    use crate::profile::model::{Confidence, Fact, Identity};
+    use crate::profile::model::{Confidence, Fact, ModelIdentity};
 
     const STATION: Station = Station(3);
 
@@ -379,7 +379,7 @@ mod tests {
         }
     }
 
-    fn fact(action: ControlAction, result: Finding) -> QualifiedFact {
+    fn fact(action: ControlAction, result: TrialFinding) -> QualifiedFact {
         QualifiedFact {
             action,
             result,
@@ -394,7 +394,7 @@ mod tests {
             confidence: Confidence::Manual,
             source: "IM 1".to_owned(),
         };
-        let identity = Identity {
+        let identity = ModelIdentity {
             address: 0x0700_u16.into(),
             mask: 0xFF,
             values,
@@ -410,17 +410,17 @@ mod tests {
     #[test]
     fn what_is_written_is_read_back() {
         let model = identified();
-        let mut kept = Qualified::default();
+        let mut kept = QualifiedResults::default();
         for (action, result) in [
-            (ControlAction::Basic, Finding::Skipped),
-            (ControlAction::Basic, Finding::Confirmed),
-            (ControlAction::Basic, Finding::Skipped),
-            (ControlAction::Coast, Finding::Contradicted),
+            (ControlAction::Basic, TrialFinding::Skipped),
+            (ControlAction::Basic, TrialFinding::Confirmed),
+            (ControlAction::Basic, TrialFinding::Skipped),
+            (ControlAction::Coast, TrialFinding::Contradicted),
         ] {
             kept.record(&drive_of(&model, Some(7)), fact(action, result))
                 .unwrap();
         }
-        let read = Qualified::parse(&kept.text()).unwrap();
+        let read = QualifiedResults::parse(&kept.text()).unwrap();
         assert_eq!(read, kept);
         let evidence = SiteEvidence {
             actions: vec![ControlAction::Basic],
@@ -428,22 +428,25 @@ mod tests {
         };
         assert_eq!(
             read.standing("hall-1", STATION, &model),
-            Standing::Counts(evidence)
+            QualifiedStanding::Counts(evidence)
         );
         for (line, station) in [("hall-2", STATION), ("hall-1", Station(4))] {
-            assert_eq!(read.standing(line, station, &model), Standing::Never);
+            assert_eq!(
+                read.standing(line, station, &model),
+                QualifiedStanding::Never
+            );
         }
         assert!(kept.forget("hall-1", STATION) && !kept.forget("hall-1", STATION));
-        assert_eq!(kept, Qualified::default());
+        assert_eq!(kept, QualifiedResults::default());
     }
 
     #[test]
     fn a_contradiction_ends_an_earlier_confirmation() {
         let model = model();
-        let mut kept = Qualified::default();
+        let mut kept = QualifiedResults::default();
         kept.record(
             &drive_of(&model, None),
-            fact(ControlAction::Basic, Finding::Confirmed),
+            fact(ControlAction::Basic, TrialFinding::Confirmed),
         )
         .unwrap();
         assert_eq!(
@@ -452,24 +455,30 @@ mod tests {
         );
         kept.record(
             &drive_of(&model, None),
-            fact(ControlAction::Basic, Finding::Contradicted),
+            fact(ControlAction::Basic, TrialFinding::Contradicted),
         )
         .unwrap();
-        assert_eq!(kept.standing("hall-1", STATION, &model), Standing::Never);
+        assert_eq!(
+            kept.standing("hall-1", STATION, &model),
+            QualifiedStanding::Never
+        );
     }
 
     #[test]
     fn whatever_changes_at_the_drive_voids_it() {
         let model = identified();
-        let mut kept = Qualified::default();
+        let mut kept = QualifiedResults::default();
         kept.record(
             &drive_of(&model, Some(7)),
-            fact(ControlAction::Basic, Finding::Confirmed),
+            fact(ControlAction::Basic, TrialFinding::Confirmed),
         )
         .unwrap();
         let void = |changed: &Model, why| {
             let standing = kept.standing("hall-1", STATION, changed);
-            assert_eq!(standing, Standing::Void(vec![ControlAction::Basic], why));
+            assert_eq!(
+                standing,
+                QualifiedStanding::Void(vec![ControlAction::Basic], why)
+            );
             assert!(standing.actions().is_empty());
         };
         void(
@@ -477,27 +486,27 @@ mod tests {
                 id: "acme-two".to_owned(),
                 ..model.clone()
             },
-            Voided::Model,
+            VoidReason::Model,
         );
         void(
             &Model {
                 digest: 6,
                 ..model.clone()
             },
-            Voided::ModelFile,
+            VoidReason::ModelFile,
         );
         void(
             &Model {
                 identity: None,
                 ..model.clone()
             },
-            Voided::Identity,
+            VoidReason::Identity,
         );
         let changed = Model { digest: 6, ..model };
         let mut kept = kept.clone();
         kept.record(
             &drive_of(&changed, Some(7)),
-            fact(ControlAction::Coast, Finding::Confirmed),
+            fact(ControlAction::Coast, TrialFinding::Confirmed),
         )
         .unwrap();
         assert_eq!(
@@ -509,10 +518,10 @@ mod tests {
 
     #[test]
     fn a_damaged_file_is_reported_and_never_half_read() {
-        let mut kept = Qualified::default();
+        let mut kept = QualifiedResults::default();
         kept.record(
             &drive_of(&model(), None),
-            fact(ControlAction::Basic, Finding::Confirmed),
+            fact(ControlAction::Basic, TrialFinding::Confirmed),
         )
         .unwrap();
         let whole = kept.text();
@@ -526,26 +535,26 @@ mod tests {
             whole.replace("hall-1", &"x".repeat(65)),
             whole[..whole.len() / 2].to_owned(),
         ] {
-            assert!(Qualified::parse(&wrong).is_err(), "{wrong}");
+            assert!(QualifiedResults::parse(&wrong).is_err(), "{wrong}");
         }
     }
 
     #[test]
     fn it_is_bounded() {
-        let mut kept = Qualified::default();
+        let mut kept = QualifiedResults::default();
         let place = |number: usize| QualifiedDrive {
             line: format!("line-{number}"),
             ..drive_of(&model(), None)
         };
         let new = || QualifiedFact {
             by: "x\n".repeat(100),
-            ..fact(ControlAction::Basic, Finding::Confirmed)
+            ..fact(ControlAction::Basic, TrialFinding::Confirmed)
         };
         for number in 0..DRIVES_MAX {
             kept.record(&place(number), new()).unwrap();
         }
         assert!(kept.record(&place(DRIVES_MAX), new()).is_err());
         assert!(u64::try_from(kept.text().len()).unwrap() < BYTES_MAX);
-        assert_eq!(Qualified::parse(&kept.text()).unwrap(), kept);
+        assert_eq!(QualifiedResults::parse(&kept.text()).unwrap(), kept);
     }
 }

@@ -3,39 +3,39 @@
 use super::file::DriveFile;
 use crate::domain::problem::Problem;
 use crate::domain::units::UnitOfMeasure;
-use crate::drive::description::Ratings;
-use crate::profile::model::{Model, Role};
+use crate::drive::description::DriveRatings;
+use crate::profile::model::{Model, RegisterRole};
 use crate::toml_file::OptionalKey;
 
 /// A rated value, and the readings that are in percent of it.
-struct Rated {
+struct RatedKey {
     key: &'static str,
     what: &'static str,
-    roles: &'static [Role],
-    value: fn(&Ratings) -> Option<u32>,
+    roles: &'static [RegisterRole],
+    value: fn(&DriveRatings) -> Option<u32>,
 }
 
-const CURRENT: Rated = Rated {
+const CURRENT: RatedKey = RatedKey {
     key: "rated_current_a",
     what: "current",
-    roles: &[Role::OutputCurrent, Role::TripCurrent],
+    roles: &[RegisterRole::OutputCurrent, RegisterRole::TripCurrent],
     value: |ratings| ratings.current_ma,
 };
-const VOLTAGE: Rated = Rated {
+const VOLTAGE: RatedKey = RatedKey {
     key: "rated_voltage_v",
     what: "voltage",
     roles: &[
-        Role::OutputVoltage,
-        Role::DcLinkVoltage,
-        Role::TripDcLinkVoltage,
+        RegisterRole::OutputVoltage,
+        RegisterRole::DcLinkVoltage,
+        RegisterRole::TripDcLinkVoltage,
     ],
     value: |ratings| ratings.voltage_mv,
 };
 
-impl Rated {
+impl RatedKey {
     /// Whether `model` reports in percent of it.
     fn is_used_by(&self, model: &Model) -> bool {
-        let is_relative = |role: &Role| {
+        let is_relative = |role: &RegisterRole| {
             model
                 .register_for(*role)
                 .is_some_and(|register| register.unit == UnitOfMeasure::Percent)
@@ -73,10 +73,10 @@ pub(super) fn settle(
     drive: &DriveFile,
     model: Option<&Model>,
     problems: &mut Vec<Problem>,
-) -> Option<Ratings> {
+) -> Option<DriveRatings> {
     let current_ma = CURRENT.settle(&drive.rated_current, model, problems);
     let voltage_mv = VOLTAGE.settle(&drive.rated_voltage, model, problems);
-    Some(Ratings {
+    Some(DriveRatings {
         current_ma: current_ma?,
         voltage_mv: voltage_mv?,
     })
@@ -85,9 +85,9 @@ pub(super) fn settle(
 /// The readings that can only be shown in percent on a drive of `model`, each with the key that changes that.
 pub fn shown_in_per_cent(
     model: &Model,
-    ratings: &Ratings,
+    ratings: &DriveRatings,
 ) -> impl Iterator<Item = (&'static str, &'static str)> {
-    let missing = |rated: &Rated| rated.is_used_by(model) && (rated.value)(ratings).is_none();
+    let missing = |rated: &RatedKey| rated.is_used_by(model) && (rated.value)(ratings).is_none();
     [CURRENT, VOLTAGE]
         .into_iter()
         .filter(missing)

@@ -1,7 +1,7 @@
 //! The configuration ready to use: defaults filled in, all rules checked. Only [`super::load`] creates one.
 
 pub use super::ready_broker::{
-    BrokerSettings, ClientCertificate, Credentials, MqttSettings, PasswordSource,
+    BrokerCredentials, BrokerSettings, ClientCertificate, MqttSettings, PasswordSource,
     SparkplugSettings, TlsSettings,
 };
 use super::ready_http::HttpSettings;
@@ -12,7 +12,7 @@ use crate::domain::ids::{Name, Station, UnitId};
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, LinkSettings};
 use crate::domain::problem::Problem;
 use crate::domain::standby::StandbyPair;
-use crate::drive::description::{Points, Ratings};
+use crate::drive::description::{DriveRatings, PointSettings};
 use crate::guard::COMMAND_DEADLINE;
 use crate::profile::model::Model;
 use ipnet::{IpNet, Ipv4Net};
@@ -56,12 +56,12 @@ pub struct GatewaySettings {
     /// Directory for persistent data and the socket of the tools; an absolute path.
     pub data_dir: Option<PathBuf>,
     /// What a reload does about a drive in use that it would remove.
-    pub on_removal: Removal,
+    pub on_removal: RemovalRule,
 }
 
 /// What a reload does about a drive that runs or is under control, if it would be removed or its line restarted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Removal {
+pub enum RemovalRule {
     /// The reload is refused.
     #[default]
     Refuse,
@@ -104,7 +104,7 @@ pub struct LineSettings {
     /// What to do if the line echoes.
     pub echo: EchoPolicy,
     /// Silence between frames.
-    pub silence: Silence,
+    pub silence: LineSilence,
     /// Minimum time between the end of one exchange and the next request. 0 unless configured.
     pub min_request_gap: Duration,
     /// Reply time-out of drives without their own, 1 ms to 60 s. `None`: from the models.
@@ -199,7 +199,7 @@ pub const TCP_LATENESS: Duration = Duration::from_secs(3);
 
 /// Silence between the frames of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Silence {
+pub enum LineSilence {
     /// As required by the models of the line.
     Auto,
     /// A fixed time. Less than the models require is allowed only for pseudo-terminals and network connections; the
@@ -232,9 +232,9 @@ pub struct DriveSettings {
     /// Limits of control, including the writable native registers. `None`: read-only.
     pub control: Option<Arc<ControlSettings>>,
     /// Rated values, for models that report in percent of them.
-    pub ratings: Ratings,
+    pub ratings: DriveRatings,
     /// How its polled registers are published over MQTT.
-    pub points: Points,
+    pub points: PointSettings,
 }
 
 /// One Modbus TCP listener.

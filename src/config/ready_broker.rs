@@ -2,8 +2,8 @@
 
 use crate::domain::ids::Name;
 use crate::domain::standby::StandbyPair;
-use crate::north::broker::{Qos, Version};
-use crate::north::mqtt::{HomeAssistant, LeaseMode, Settings, Tree};
+use crate::north::broker::{MqttVersion, Qos};
+use crate::north::mqtt::{HomeAssistant, LeaseMode, Settings, TopicTree};
 use crate::north::sparkplug;
 use std::fmt;
 use std::path::PathBuf;
@@ -15,11 +15,11 @@ pub struct MqttSettings {
     /// Its address.
     pub broker: BrokerSettings,
     /// The gateway's user. `None`: anonymous.
-    pub credentials: Option<Credentials>,
+    pub credentials: Option<BrokerCredentials>,
     /// The client identifier. `None`: see [`Self::client_id`].
     pub client_id: Option<String>,
     /// Protocol version.
-    pub version: Version,
+    pub version: MqttVersion,
     /// QoS of the command subscriptions.
     pub subscription_qos: Qos,
     /// First levels of all topics, without a slash at either end.
@@ -41,7 +41,7 @@ pub struct MqttSettings {
     /// Maximum number of telemetry changes kept while the broker is unreachable, 0 to 100,000.
     pub keep_telemetry: u32,
     /// Optional topics to publish, each once.
-    pub publish: Vec<Tree>,
+    pub publish: Vec<TopicTree>,
     /// Discovery by Home Assistant. `None`: off.
     pub home_assistant: Option<HomeAssistant>,
     /// Sparkplug B. `None`: off.
@@ -214,7 +214,7 @@ pub struct ClientCertificate {
 
 /// The gateway's user at the broker.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Credentials {
+pub struct BrokerCredentials {
     /// The user's name.
     pub user: String,
     /// The source of the password, if any.

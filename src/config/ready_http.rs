@@ -2,7 +2,7 @@
 
 use crate::domain::ids::CommanderName;
 use crate::north::operator::password::StoredHash;
-use crate::north::operator::rights::Rights;
+use crate::north::operator::rights::UserRights;
 use ipnet::IpNet;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -17,7 +17,7 @@ pub struct HttpSettings {
     /// Additional host names for browsers, besides addresses and the host's own name, in lower case.
     pub hosts: Vec<String>,
     /// Who sees the drives.
-    pub view: Viewers,
+    pub view: PageViewers,
     /// Users with the role for it change the configuration in the page.
     pub setup: bool,
     /// Users that may sign in and command. Empty: the page is read-only. Only on loopback or with TLS.
@@ -28,7 +28,7 @@ pub struct HttpSettings {
 
 /// Who sees the drives on the page and below `/api/v1/`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Viewers {
+pub enum PageViewers {
     /// Every client that may connect.
     Anyone,
     /// Users who have signed in.
@@ -43,7 +43,7 @@ pub struct UserSettings {
     /// The password as a hash.
     pub hash: HashSource,
     /// What they may do.
-    pub rights: Rights,
+    pub rights: UserRights,
 }
 
 /// The source of a password's hash.

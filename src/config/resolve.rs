@@ -1,15 +1,15 @@
 //! Turns the configuration as written into ready values: defaults, models, and the rules between keys.
 
-use super::file::{DriveFile, File, JournalFile, LineFile, ListenerFile};
+use super::file::{ConfigFile, DriveFile, JournalFile, LineFile, ListenerFile};
 use super::full_scale;
-use super::link::{self, OnLine, Settled};
-use super::mqtt::Defaults;
-use super::qualified::{FILE_NAME, Qualified, Standing};
+use super::link::{self, OnLine, SettledLink};
+use super::mqtt::DriveDefaults;
+use super::qualified::{FILE_NAME, QualifiedResults, QualifiedStanding};
 use super::ready::{
-    Config, DriveSettings, GatewaySettings, JournalSettings, LineSettings, ListenerSettings,
-    PortAddress, Removal, Silence,
+    Config, DriveSettings, GatewaySettings, JournalSettings, LineSettings, LineSilence,
+    ListenerSettings, PortAddress, RemovalRule,
 };
-use super::units::{self, Units};
+use super::units::{self, DriveUnits};
 use super::{
     acceptance, commanders, control, http, line_plan, listen, listener_tls, lists, mqtt, points,
     port, ratings, serial, standby, watchdog,
@@ -19,12 +19,12 @@ use crate::domain::ids::Station;
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
 use crate::domain::problem::{Problem, alternatives, nearest_names};
 use crate::domain::standby::StandbyPair;
-use crate::drive::description::{Points, Ratings};
-use crate::north::modbus::Limits;
+use crate::drive::description::{DriveRatings, PointSettings};
+use crate::north::modbus::ConnectionLimits;
 use crate::profile::catalog::Catalog;
 use crate::profile::model::Model;
 use crate::profile::register::with_extra;
-use crate::toml_file::{Location, OptionalKey, Spanned};
+use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
@@ -34,25 +34,25 @@ const DEFAULT_POLL: Duration = Duration::from_millis(500);
 
 /// The models that a configuration may name.
 #[derive(Clone, Copy)]
-pub(super) struct Models<'a> {
+pub(super) struct KnownModels<'a> {
     pub catalog: &'a Catalog,
     /// Whether the catalog is complete. Only then can an unknown name be reported as a typing error.
     pub are_all: bool,
     /// What was tried at the drives, or why nobody knows.
-    pub site: Result<&'a Qualified, &'a str>,
+    pub site: Result<&'a QualifiedResults, &'a str>,
 }
 
 /// The ready configuration; `None` if any part of `file` is unusable, see `problems`.
 pub(super) fn resolve(
-    file: &File,
-    models: Models<'_>,
+    file: &ConfigFile,
+    models: KnownModels<'_>,
     problems: &mut Vec<Problem>,
 ) -> Option<Config> {
     unique(file, problems);
     site_is_known(file, models, problems);
     acceptance::trials_are_kept(file, problems);
     let are_all = models.are_all && !matches!(file.gateway.model_dirs, OptionalKey::Invalid);
-    let models = Models { are_all, ..models };
+    let models = KnownModels { are_all, ..models };
     let is_published = !matches!(file.mqtt, OptionalKey::Absent);
     let defaults = mqtt::defaults(file);
     let of_mqtt = is_published.then_some(defaults);
@@ -104,7 +104,7 @@ pub(super) fn resolve(
         gateway: GatewaySettings {
             name: file.gateway.name.clone().optional()?,
             data_dir: file.gateway.data_dir.clone().optional()?,
-            on_removal: file.gateway.on_removal.or(Removal::Refuse)?,
+            on_removal: file.gateway.on_removal.or(RemovalRule::Refuse)?,
         },
         standby: pair?,
         lines: ready.into_iter().collect::<Option<Vec<_>>>()?,
@@ -120,7 +120,7 @@ pub(super) fn resolve(
 
 /// Reports a file of trials that cannot be used: without it nothing that was tried at a drive counts, which is no
 /// reason not to serve the other drives.
-fn site_is_known(file: &File, models: Models<'_>, problems: &mut Vec<Problem>) {
+fn site_is_known(file: &ConfigFile, models: KnownModels<'_>, problems: &mut Vec<Problem>) {
     if let (Err(why), OptionalKey::Valid(dir)) = (models.site, &file.gateway.data_dir) {
         let what = format!(
             "{FILE_NAME} there cannot be used, so nothing that was qualified counts: {why}"
@@ -137,7 +137,7 @@ fn site_is_known(file: &File, models: Models<'_>, problems: &mut Vec<Problem>) {
 /// A journal requires a data directory.
 fn ready_journal(
     journal: &JournalFile,
-    file: &File,
+    file: &ConfigFile,
     problems: &mut Vec<Problem>,
 ) -> Option<JournalSettings> {
     if matches!(file.gateway.data_dir, OptionalKey::Absent) {
@@ -167,19 +167,19 @@ fn whole<T, U>(given: &OptionalKey<T>, settle: impl FnOnce(&T) -> Option<U>) -> 
 /// Data that the catalog adds to a line as written.
 struct LineParts {
     drives: Vec<DriveParts>,
-    settled: Option<Settled>,
+    settled: Option<SettledLink>,
 }
 
 /// Values that depend on a drive's model; for each `None` there is a problem.
 struct DriveParts {
     model: Option<Arc<Model>>,
     control: Option<Option<Arc<ControlSettings>>>,
-    ratings: Option<Ratings>,
-    points: Option<Points>,
+    ratings: Option<DriveRatings>,
+    points: Option<PointSettings>,
 }
 
 /// Names of lines, names of drives and ports are unique.
-fn unique(file: &File, problems: &mut Vec<Problem>) {
+fn unique(file: &ConfigFile, problems: &mut Vec<Problem>) {
     let line_names = file.lines.iter().filter_map(|line| line.name.as_ref());
     let drive_names = file
         .lines
@@ -240,13 +240,13 @@ fn unique(file: &File, problems: &mut Vec<Problem>) {
 
 /// Each of `values` has a key of its own.
 fn once<'a, T: 'a, K: Ord>(
-    values: impl Iterator<Item = &'a Spanned<T>>,
+    values: impl Iterator<Item = &'a LocatedValue<T>>,
     key: impl Fn(&'a T) -> K,
     called: impl Fn(&T) -> String,
     right: &str,
     problems: &mut Vec<Problem>,
 ) {
-    let mut seen: BTreeMap<K, &Location> = BTreeMap::new();
+    let mut seen: BTreeMap<K, &KeyLocation> = BTreeMap::new();
     for written in values {
         let key = key(&written.value);
         let Some(first) = seen.get(&key) else {
@@ -262,8 +262,8 @@ fn once<'a, T: 'a, K: Ord>(
 /// `of_mqtt` holds the drives' defaults from `[mqtt]`, if there is one.
 fn parts_of(
     line: &LineFile,
-    models: Models<'_>,
-    of_mqtt: Option<Defaults>,
+    models: KnownModels<'_>,
+    of_mqtt: Option<DriveDefaults>,
     problems: &mut Vec<Problem>,
 ) -> LineParts {
     let drives: Vec<_> = line
@@ -288,8 +288,8 @@ fn parts_of(
 fn drive_parts(
     line: &LineFile,
     drive: &DriveFile,
-    models: Models<'_>,
-    of_mqtt: Option<Defaults>,
+    models: KnownModels<'_>,
+    of_mqtt: Option<DriveDefaults>,
     problems: &mut Vec<Problem>,
 ) -> DriveParts {
     let model = model_of(drive, models, problems);
@@ -317,13 +317,13 @@ fn standing(
     line: &LineFile,
     drive: &DriveFile,
     model: Option<&Model>,
-    models: Models<'_>,
-) -> Standing {
+    models: KnownModels<'_>,
+) -> QualifiedStanding {
     let Ok(site) = models.site else {
-        return Standing::Unreadable;
+        return QualifiedStanding::Unreadable;
     };
     let (Some(line), Some(station), Some(model)) = (&line.name, &drive.station, model) else {
-        return Standing::Never;
+        return QualifiedStanding::Never;
     };
     site.standing(line.value.as_str(), station.value, model)
 }
@@ -349,7 +349,7 @@ fn alone_on_rs232(line: &LineFile, problems: &mut Vec<Problem>) {
 /// The model of a drive, with the registers that the file adds.
 fn model_of(
     drive: &DriveFile,
-    models: Models<'_>,
+    models: KnownModels<'_>,
     problems: &mut Vec<Problem>,
 ) -> Option<Arc<Model>> {
     let written = drive.model.as_ref()?;
@@ -367,7 +367,7 @@ fn model_of(
     Some(Arc::new(with_extra(&model, &drive.registers, problems)))
 }
 
-fn unknown_model(written: &Spanned<String>, catalog: &Catalog) -> Problem {
+fn unknown_model(written: &LocatedValue<String>, catalog: &Catalog) -> Problem {
     let problem = written
         .location
         .problem(format!("there is no model `{}`", written.value));
@@ -428,7 +428,7 @@ fn stations(line: &LineFile, parts: &[DriveParts], problems: &mut Vec<Problem>) 
 
 /// Over Modbus TCP the unit need not be one that the drive takes on a serial line (messaging on TCP/IP implementation
 /// guide V1.0b, 4.4.2.1): 255 and 0 stand for the device itself.
-fn is_a_unit(station: &Spanned<Station>, problems: &mut Vec<Problem>) {
+fn is_a_unit(station: &LocatedValue<Station>, problems: &mut Vec<Problem>) {
     if (248..=254).contains(&station.value.0) {
         let problem = station
             .location
@@ -440,15 +440,15 @@ fn is_a_unit(station: &Spanned<Station>, problems: &mut Vec<Problem>) {
 fn ready_line(
     line: &LineFile,
     parts: LineParts,
-    units: &[Units],
+    units: &[DriveUnits],
     pair: Option<&Option<StandbyPair>>,
 ) -> Option<LineSettings> {
-    let Settled {
+    let SettledLink {
         link,
         framing,
         interface,
     } = parts.settled?;
-    let shared = Shared {
+    let shared = LineDefaults {
         framing,
         reply_timeout: line.reply_timeout.or(None)?,
         max_lateness: line.port.as_ref()?.value.max_lateness(),
@@ -471,7 +471,7 @@ fn ready_line(
         low_latency: line.low_latency.or(true)?,
         framing,
         echo: line.echo.or(EchoPolicy::Refuse)?,
-        silence: line.silence.or(Silence::Auto)?,
+        silence: line.silence.or(LineSilence::Auto)?,
         min_request_gap: line.min_request_gap.or(Duration::ZERO)?,
         reply_timeout: shared.reply_timeout,
         max_status_age: line.max_status_age.or(line_plan::DEFAULT_STATUS_AGE)?,
@@ -485,7 +485,7 @@ fn ready_line(
 }
 
 /// Defaults that drives take from their line.
-struct Shared {
+struct LineDefaults {
     framing: Framing,
     /// Reply time-out for drives without their own.
     reply_timeout: Option<Duration>,
@@ -496,8 +496,8 @@ struct Shared {
 fn ready_drive(
     drive: &DriveFile,
     parts: DriveParts,
-    line: &Shared,
-    units: Units,
+    line: &LineDefaults,
+    units: DriveUnits,
 ) -> Option<DriveSettings> {
     let model = match line.framing {
         Framing::Rtu | Framing::Mbap => parts.model?,
@@ -557,7 +557,7 @@ fn ready_listener(listener: &ListenerFile, served: BTreeSet<usize>) -> Option<Li
             .optional()?
             .map(|most| most as usize),
         priority: lists::values(&listener.priority)?,
-        idle_timeout: Some(listener.idle_timeout.or(Limits::IDLE_TIMEOUT)?)
+        idle_timeout: Some(listener.idle_timeout.or(ConnectionLimits::IDLE_TIMEOUT)?)
             .filter(|time| !time.is_zero()),
         keep_alive: Some(listener.keep_alive.or(listen::DEFAULT_KEEP_ALIVE)?)
             .filter(|time| !time.is_zero()),

@@ -20,7 +20,7 @@ const HIDDEN: &str = "***";
 /// a text that is no TOML, are looked at line by line.
 #[must_use]
 pub fn without_secrets(text: &str) -> String {
-    let (secrets, is_broken) = Secrets::of(text);
+    let (secrets, is_broken) = TextSecrets::of(text);
     let mut shown = text.to_owned();
     for span in secrets.spans {
         shown = starred(&shown, span);
@@ -30,7 +30,7 @@ pub fn without_secrets(text: &str) -> String {
 
 /// Hides the secrets of `text` in its `problems`, which may repeat a value.
 pub(super) fn hide_in(problems: &mut [Problem], text: &str) {
-    let words = Secrets::of(text).0.words;
+    let words = TextSecrets::of(text).0.words;
     for problem in problems {
         let Problem {
             key, what, right, ..
@@ -74,7 +74,7 @@ fn without_word(mut said: String, secret: &str) -> String {
 }
 
 /// The secrets of a parsed text.
-struct Secrets<'a> {
+struct TextSecrets<'a> {
     text: &'a str,
     /// Places of the secrets in the text.
     spans: Vec<Range<usize>>,
@@ -82,7 +82,7 @@ struct Secrets<'a> {
     words: Vec<String>,
 }
 
-impl<'a> Secrets<'a> {
+impl<'a> TextSecrets<'a> {
     /// The secrets of `text`, and whether it is no TOML.
     fn of(text: &'a str) -> (Self, bool) {
         let (root, errors) = DeTable::parse_recoverable(text);

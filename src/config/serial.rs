@@ -1,6 +1,6 @@
 //! Serial masters: their link, and the time that they leave for an answer.
 
-use super::file::{File, SerialFile};
+use super::file::{ConfigFile, SerialFile};
 use super::lists;
 use super::ready::{ListenerSettings, PortAddress};
 use super::ready_serial::SerialMasterSettings;
@@ -18,7 +18,7 @@ const DEFAULT_ANSWER_WITHIN: Duration = Duration::from_millis(100);
 
 /// The ready serial masters; `served` holds the indices of the lines that each reaches. `None`: see `problems`.
 pub(super) fn settle(
-    file: &File,
+    file: &ConfigFile,
     served: &[BTreeSet<usize>],
     problems: &mut Vec<Problem>,
 ) -> Option<Vec<SerialMasterSettings>> {

@@ -1,6 +1,6 @@
 //! A second gateway on the same lines: whether they can have one, and what happens to their drives when it is lost.
 
-use super::file::{ControlFile, File, LineFile, StandbyFile};
+use super::file::{ConfigFile, ControlFile, LineFile, StandbyFile};
 use super::line_plan;
 use super::ready::{LineSettings, PortAddress};
 use super::words;
@@ -9,14 +9,14 @@ use crate::domain::link::{DirectionControl, Interface};
 use crate::domain::problem::Problem;
 use crate::domain::standby::{OnGatewayLost, StandbyPair};
 use crate::toml_file::values::duration_text;
-use crate::toml_file::{Location, OptionalKey, Spanned};
+use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
 use crate::wire::signal;
 use std::time::Duration;
 
 /// The pair of `standby`; `None` if it is invalid, see `problems`.
 pub(super) fn settle(
     standby: &StandbyFile,
-    file: &File,
+    file: &ConfigFile,
     problems: &mut Vec<Problem>,
 ) -> Option<StandbyPair> {
     let is_on = |line: &LineFile| line.standby.or(false).unwrap_or(true);
@@ -49,9 +49,9 @@ pub(super) fn settle(
 }
 
 /// Each line that has a second gateway can have one.
-pub(super) fn check(file: &File, problems: &mut Vec<Problem>) {
+pub(super) fn check(file: &ConfigFile, problems: &mut Vec<Problem>) {
     for line in &file.lines {
-        let Some(Spanned { location, .. }) = shared(line) else {
+        let Some(LocatedValue { location, .. }) = shared(line) else {
             continue;
         };
         if matches!(file.standby, OptionalKey::Absent) {
@@ -99,7 +99,7 @@ pub(super) fn check(file: &File, problems: &mut Vec<Problem>) {
 }
 
 /// The key of `line` that says that it has a second gateway, if it says so.
-fn shared(line: &LineFile) -> Option<&Spanned<bool>> {
+fn shared(line: &LineFile) -> Option<&LocatedValue<bool>> {
     line.standby.valid().filter(|standby| standby.value)
 }
 
@@ -126,7 +126,7 @@ fn why_not_heard(line: &LineFile) -> Option<&'static str> {
 /// there is no other; `None` if it is invalid, see `problems`.
 pub(super) fn on_lost(
     file: &ControlFile,
-    location: &Location,
+    location: &KeyLocation,
     line: &LineFile,
     problems: &mut Vec<Problem>,
 ) -> Option<Option<OnGatewayLost>> {
@@ -158,13 +158,13 @@ pub(super) fn on_lost(
 
 /// A drive that is started and stopped at its terminals, as `bus` says, cannot be promised to be stopped by a take-over.
 pub(super) fn wired(file: &ControlFile, bus: BusFunctions, problems: &mut Vec<Problem>) {
-    let stops = |lost: &&Spanned<OnGatewayLost>| {
+    let stops = |lost: &&LocatedValue<OnGatewayLost>| {
         matches!(lost.value, OnGatewayLost::Stop | OnGatewayLost::Coast)
     };
     if let Some(lost) = file.on_gateway_lost.valid().filter(stops) {
         let what = format!(
             "the drive is started and stopped elsewhere (bus = \"{}\"), so this cannot be relied on",
-            bus.word()
+            bus.keyword()
         );
         problems.push(
             lost.location
@@ -175,11 +175,11 @@ pub(super) fn wired(file: &ControlFile, bus: BusFunctions, problems: &mut Vec<Pr
 }
 
 /// The configured silence is no shorter than `line` needs: else both gateways might send.
-pub(super) fn has_time(file: &File, line: &LineSettings, problems: &mut Vec<Problem>) {
+pub(super) fn has_time(file: &ConfigFile, line: &LineSettings, problems: &mut Vec<Problem>) {
     let (Some(standby), Some(_)) = (file.standby.valid(), &line.standby) else {
         return;
     };
-    let Some(Spanned {
+    let Some(LocatedValue {
         value: Some(given),
         location,
     }) = standby.value.take_over_after.valid()

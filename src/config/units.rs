@@ -1,10 +1,10 @@
 //! The units of each drive, and conflicts between them on a listener.
 
-use super::file::{DriveFile, File, ListenerFile};
+use super::file::{ConfigFile, DriveFile, ListenerFile};
 use super::port;
 use crate::domain::ids::UnitId;
 use crate::domain::problem::Problem;
-use crate::toml_file::{Location, OptionalKey};
+use crate::toml_file::{KeyLocation, OptionalKey};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Default distance of the uniform unit above the native one.
@@ -12,7 +12,7 @@ pub const UNIFORM_ABOVE: u8 = 100;
 
 /// The units of one drive; for each `None` there is a problem.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Units {
+pub(super) struct DriveUnits {
     /// The unit of its own registers.
     pub native: Option<UnitId>,
     /// The unit of its uniform registers.
@@ -22,14 +22,14 @@ pub(super) struct Units {
 /// The units of each drive of each line, in the order of the file.
 /// `served` holds, per listener of `file`, the indices of the lines it serves.
 pub(super) fn settle(
-    file: &File,
+    file: &ConfigFile,
     served: &[BTreeSet<usize>],
     problems: &mut Vec<Problem>,
-) -> Vec<Vec<Units>> {
+) -> Vec<Vec<DriveUnits>> {
     let servers = file.units_servers();
     let shared = shared_lines(served, &servers);
-    let mut free = Free::new(file, &shared);
-    let units: Vec<Vec<Units>> = file
+    let mut free = FreeUnits::new(file, &shared);
+    let units: Vec<Vec<DriveUnits>> = file
         .lines
         .iter()
         .enumerate()
@@ -72,11 +72,11 @@ fn units_of(
     drive: &DriveFile,
     shared: Option<&ListenerFile>,
     may_be_the_device: bool,
-    free: &mut Free,
+    free: &mut FreeUnits,
     problems: &mut Vec<Problem>,
-) -> Units {
+) -> DriveUnits {
     let native = native_of(drive, shared, may_be_the_device, free, problems);
-    Units {
+    DriveUnits {
         native,
         uniform: uniform_of(drive, native, free, problems),
     }
@@ -88,7 +88,7 @@ fn native_of(
     drive: &DriveFile,
     shared: Option<&ListenerFile>,
     may_be_the_device: bool,
-    free: &mut Free,
+    free: &mut FreeUnits,
     problems: &mut Vec<Problem>,
 ) -> Option<UnitId> {
     match &drive.unit {
@@ -131,7 +131,7 @@ fn native_of(
 fn uniform_of(
     drive: &DriveFile,
     native: Option<UnitId>,
-    free: &mut Free,
+    free: &mut FreeUnits,
     problems: &mut Vec<Problem>,
 ) -> Option<UnitId> {
     match &drive.uniform_unit {
@@ -160,12 +160,12 @@ fn default_uniform(native: UnitId) -> Option<UnitId> {
 
 /// One of the two units of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Side {
+enum UnitSide {
     Native,
     Uniform,
 }
 
-impl Side {
+impl UnitSide {
     const fn key(self) -> &'static str {
         match self {
             Self::Native => "unit",
@@ -183,17 +183,17 @@ impl Side {
 
 /// A drive that answers at a unit.
 #[derive(Clone, Copy)]
-struct Claim<'a> {
+struct UnitClaim<'a> {
     drive: &'a DriveFile,
-    side: Side,
+    side: UnitSide,
 }
 
-impl Claim<'_> {
+impl UnitClaim<'_> {
     fn is_default(&self) -> bool {
         matches!(self.side.given(self.drive), OptionalKey::Absent)
     }
 
-    fn location(&self) -> Location {
+    fn location(&self) -> KeyLocation {
         match self.side.given(self.drive) {
             OptionalKey::Valid(written) => written.location.clone(),
             OptionalKey::Absent | OptionalKey::Invalid => {
@@ -204,8 +204,8 @@ impl Claim<'_> {
 
     fn label(&self) -> String {
         match self.side {
-            Side::Native => self.drive.label(),
-            Side::Uniform => format!("{} (uniform)", self.drive.label()),
+            UnitSide::Native => self.drive.label(),
+            UnitSide::Uniform => format!("{} (uniform)", self.drive.label()),
         }
     }
 }
@@ -213,20 +213,23 @@ impl Claim<'_> {
 /// Reports each unit that belongs to an earlier drive, or to the same drive, of the same listener. `told` holds the
 /// places that are already reported.
 fn told_apart(
-    file: &File,
+    file: &ConfigFile,
     lines: &BTreeSet<usize>,
-    units: &[Vec<Units>],
-    free: &mut Free,
-    told: &mut BTreeSet<(usize, usize, Side)>,
+    units: &[Vec<DriveUnits>],
+    free: &mut FreeUnits,
+    told: &mut BTreeSet<(usize, usize, UnitSide)>,
     problems: &mut Vec<Problem>,
 ) {
-    let mut owners: BTreeMap<UnitId, Claim<'_>> = BTreeMap::new();
+    let mut owners: BTreeMap<UnitId, UnitClaim<'_>> = BTreeMap::new();
     for line in lines {
         let drives = file.lines.get(*line).map_or(&[][..], |line| &line.drives);
         let units = units.get(*line).map_or(&[][..], |units| units);
         for (index, (drive, units)) in drives.iter().zip(units).enumerate() {
-            for (side, unit) in [(Side::Native, units.native), (Side::Uniform, units.uniform)] {
-                let (Some(unit), claim) = (unit, Claim { drive, side }) else {
+            for (side, unit) in [
+                (UnitSide::Native, units.native),
+                (UnitSide::Uniform, units.uniform),
+            ] {
+                let (Some(unit), claim) = (unit, UnitClaim { drive, side }) else {
                     continue;
                 };
                 let Some(owner) = owners.get(&unit) else {
@@ -243,11 +246,16 @@ fn told_apart(
 
 /// Whether two drives have the same unit only because they have the same station, or the same uniform unit only
 /// because they have the same native one: that is reported by itself.
-fn follows_from_another(owner: Claim<'_>, claim: Claim<'_>) -> bool {
+fn follows_from_another(owner: UnitClaim<'_>, claim: UnitClaim<'_>) -> bool {
     owner.side == claim.side && owner.is_default() && claim.is_default()
 }
 
-fn clash(owner: Claim<'_>, claim: Claim<'_>, unit: UnitId, free: &mut Free) -> Problem {
+fn clash(
+    owner: UnitClaim<'_>,
+    claim: UnitClaim<'_>,
+    unit: UnitId,
+    free: &mut FreeUnits,
+) -> Problem {
     let what = if std::ptr::eq(owner.drive, claim.drive) {
         format!(
             "{} would answer at unit {unit} both as its vendor describes it and uniformly",
@@ -262,18 +270,18 @@ fn clash(owner: Claim<'_>, claim: Claim<'_>, unit: UnitId, free: &mut Free) -> P
     };
     let problem = claim.location().problem(what);
     match claim.side {
-        Side::Native => free.native_instead(problem, claim.drive, None),
-        Side::Uniform => free.uniform_instead(problem),
+        UnitSide::Native => free.native_instead(problem, claim.drive, None),
+        UnitSide::Uniform => free.uniform_instead(problem),
     }
 }
 
 /// Units that no drive has. Each is offered once, so that taking every advice leaves no two the same.
-struct Free {
+struct FreeUnits {
     used: BTreeSet<UnitId>,
 }
 
-impl Free {
-    fn new(file: &File, shared: &BTreeMap<usize, &ListenerFile>) -> Self {
+impl FreeUnits {
+    fn new(file: &ConfigFile, shared: &BTreeMap<usize, &ListenerFile>) -> Self {
         let mut used = BTreeSet::new();
         for (line, drive) in (0..)
             .zip(&file.lines)

@@ -5,7 +5,7 @@ use super::line_plan;
 use super::ready::LineSettings;
 use crate::domain::problem::Problem;
 use crate::profile::model::Model;
-use crate::toml_file::Spanned;
+use crate::toml_file::LocatedValue;
 use crate::toml_file::values::duration_text;
 
 /// Settings that rely on a watchdog require a model with a proven one. A time that only limits a wait does not rely on it,
@@ -41,7 +41,7 @@ pub(super) fn check(file: &ControlFile, model: &Model, problems: &mut Vec<Proble
     if !model.watchdog_is_proven() {
         return;
     }
-    let Some(Spanned {
+    let Some(LocatedValue {
         value: time,
         location,
     }) = file.watchdog.valid()
@@ -86,7 +86,7 @@ pub(super) fn is_fed(
         .valid()
         .and_then(|control| control.value.watchdog.valid());
     let (
-        Some(Spanned {
+        Some(LocatedValue {
             value: time,
             location: at,
         }),

@@ -1,18 +1,18 @@
 //! Words that only the configuration uses: one table each, for reading and printing.
 
-use super::ready::Removal;
-use super::ready_http::Viewers;
+use super::ready::RemovalRule;
+use super::ready_http::PageViewers;
 use crate::domain::command::Direction;
 use crate::domain::control::{BusFunctions, ControlAction, FailSafe, OnOutputOutside, Ownership};
 use crate::domain::link::DirectionControl;
 use crate::domain::standby::OnGatewayLost;
-use crate::north::mqtt::{Combined, LeaseMode, Tree};
-use crate::north::operator::rights::Role;
-use crate::toml_file::values::Kind;
+use crate::north::mqtt::{CombinedEntity, LeaseMode, TopicTree};
+use crate::north::operator::rights::UserRole;
+use crate::toml_file::values::ValueKind;
 
 /// An interface that accepts commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub enum CommandInterface {
     /// The broker of `[mqtt]`.
     Mqtt,
     /// The listeners of `[[modbus_tcp]]`.
@@ -23,7 +23,7 @@ pub enum Way {
     Sparkplug,
 }
 
-impl Way {
+impl CommandInterface {
     /// Its meaning for a drive, for messages.
     pub const fn meaning(self) -> &'static str {
         match self {
@@ -38,11 +38,11 @@ impl Way {
 }
 
 /// Interfaces that accept commands.
-pub const WAYS: [(&str, Way); 4] = [
-    ("mqtt", Way::Mqtt),
-    ("modbus-tcp", Way::ModbusTcp),
-    ("page", Way::Page),
-    ("sparkplug", Way::Sparkplug),
+pub const WAYS: [(&str, CommandInterface); 4] = [
+    ("mqtt", CommandInterface::Mqtt),
+    ("modbus-tcp", CommandInterface::ModbusTcp),
+    ("page", CommandInterface::Page),
+    ("sparkplug", CommandInterface::Sparkplug),
 ];
 
 /// A right of a Modbus Security role besides reading.
@@ -69,20 +69,20 @@ pub const ROLE_RIGHTS: [(&str, RoleRight); 2] =
     [("write", RoleRight::Write), ("stop", RoleRight::Stop)];
 
 /// Roles of the page's users.
-pub const ROLES: [(&str, Role); 4] = [
-    (Role::View.word(), Role::View),
-    (Role::Operate.word(), Role::Operate),
-    (Role::Maintain.word(), Role::Maintain),
-    (Role::Setup.word(), Role::Setup),
+pub const ROLES: [(&str, UserRole); 4] = [
+    (UserRole::View.keyword(), UserRole::View),
+    (UserRole::Operate.keyword(), UserRole::Operate),
+    (UserRole::Maintain.keyword(), UserRole::Maintain),
+    (UserRole::Setup.keyword(), UserRole::Setup),
 ];
 
 /// Who sees the drives on the page.
-pub const VIEWERS: [(&str, Viewers); 2] = [
-    ("anyone", Viewers::Anyone),
-    ("signed-in", Viewers::SignedIn),
+pub const VIEWERS: [(&str, PageViewers); 2] = [
+    ("anyone", PageViewers::Anyone),
+    ("signed-in", PageViewers::SignedIn),
 ];
 
-impl Viewers {
+impl PageViewers {
     /// Its meaning, for messages.
     pub const fn meaning(self) -> &'static str {
         match self {
@@ -115,15 +115,15 @@ pub const DIRECTION_CONTROLS: [(&str, DirectionControl); 3] = [
 
 /// Fail-safe actions.
 pub const FAIL_SAFES: [(&str, FailSafe); 3] = [
-    (FailSafe::Stop.word(), FailSafe::Stop),
-    (FailSafe::Coast.word(), FailSafe::Coast),
-    (FailSafe::Hold.word(), FailSafe::Hold),
+    (FailSafe::Stop.keyword(), FailSafe::Stop),
+    (FailSafe::Coast.keyword(), FailSafe::Coast),
+    (FailSafe::Hold.keyword(), FailSafe::Hold),
 ];
 
 /// Values of `on_output_outside`.
 pub const ON_OUTPUT_OUTSIDE: [(&str, OnOutputOutside); 2] = [
-    (OnOutputOutside::Alarm.word(), OnOutputOutside::Alarm),
-    (OnOutputOutside::Stop.word(), OnOutputOutside::Stop),
+    (OnOutputOutside::Alarm.keyword(), OnOutputOutside::Alarm),
+    (OnOutputOutside::Stop.keyword(), OnOutputOutside::Stop),
 ];
 
 /// The effect of each action on an output outside its limits, for messages.
@@ -147,15 +147,15 @@ pub const fn of_fail_safe(action: FailSafe) -> &'static str {
 
 /// Actions of a gateway that takes a line over.
 const ON_GATEWAY_LOST: [(&str, OnGatewayLost); 4] = [
-    (OnGatewayLost::Stop.word(), OnGatewayLost::Stop),
-    (OnGatewayLost::Coast.word(), OnGatewayLost::Coast),
-    (OnGatewayLost::Hold.word(), OnGatewayLost::Hold),
-    (OnGatewayLost::Adopt.word(), OnGatewayLost::Adopt),
+    (OnGatewayLost::Stop.keyword(), OnGatewayLost::Stop),
+    (OnGatewayLost::Coast.keyword(), OnGatewayLost::Coast),
+    (OnGatewayLost::Hold.keyword(), OnGatewayLost::Hold),
+    (OnGatewayLost::Adopt.keyword(), OnGatewayLost::Adopt),
 ];
 
 /// One of the actions of a gateway that takes a line over.
-pub(super) fn on_gateway_lost() -> Kind<'static, OnGatewayLost> {
-    Kind::choice(&ON_GATEWAY_LOST, |action| match action {
+pub(super) fn on_gateway_lost() -> ValueKind<'static, OnGatewayLost> {
+    ValueKind::choice(&ON_GATEWAY_LOST, |action| match action {
         OnGatewayLost::Stop => "the motor is stopped by its ramp",
         OnGatewayLost::Coast => "the output is cut off, the motor coasts",
         OnGatewayLost::Hold => "no action: a running motor keeps running",
@@ -166,21 +166,22 @@ pub(super) fn on_gateway_lost() -> Kind<'static, OnGatewayLost> {
 }
 
 /// The effect on a drive that a reload would remove, for messages.
-pub(super) const fn of_removal(removal: Removal) -> &'static str {
+pub(super) const fn of_removal(removal: RemovalRule) -> &'static str {
     match removal {
-        Removal::Refuse => "the reload is refused, the motor keeps running",
-        Removal::Stop => "the motor is stopped first",
+        RemovalRule::Refuse => "the reload is refused, the motor keeps running",
+        RemovalRule::Stop => "the motor is stopped first",
     }
 }
 
 /// Actions of a reload that would remove a drive in use.
-pub const REMOVALS: [(&str, Removal); 2] = [("refuse", Removal::Refuse), ("stop", Removal::Stop)];
+pub const REMOVALS: [(&str, RemovalRule); 2] =
+    [("refuse", RemovalRule::Refuse), ("stop", RemovalRule::Stop)];
 
 /// Which functions come over the bus.
 pub const BUS_FUNCTIONS: [(&str, BusFunctions); 3] = [
-    (BusFunctions::Both.word(), BusFunctions::Both),
-    (BusFunctions::Frequency.word(), BusFunctions::Frequency),
-    (BusFunctions::Run.word(), BusFunctions::Run),
+    (BusFunctions::Both.keyword(), BusFunctions::Both),
+    (BusFunctions::Frequency.keyword(), BusFunctions::Frequency),
+    (BusFunctions::Run.keyword(), BusFunctions::Run),
 ];
 
 /// What comes over the bus.
@@ -196,11 +197,11 @@ pub(super) const fn of_bus(bus: BusFunctions) -> &'static str {
 
 /// Actions that may depend on an unproven fact.
 pub const ACTIONS: [(&str, ControlAction); 5] = [
-    (ControlAction::Basic.word(), ControlAction::Basic),
-    (ControlAction::Reverse.word(), ControlAction::Reverse),
-    (ControlAction::Reset.word(), ControlAction::Reset),
-    (ControlAction::Coast.word(), ControlAction::Coast),
-    (ControlAction::Release.word(), ControlAction::Release),
+    (ControlAction::Basic.keyword(), ControlAction::Basic),
+    (ControlAction::Reverse.keyword(), ControlAction::Reverse),
+    (ControlAction::Reset.keyword(), ControlAction::Reset),
+    (ControlAction::Coast.keyword(), ControlAction::Coast),
+    (ControlAction::Release.keyword(), ControlAction::Release),
 ];
 
 /// The meaning of an unproven action, for messages.
@@ -215,15 +216,18 @@ pub(super) const fn of_action(action: ControlAction) -> &'static str {
 }
 
 /// What a drive is announced to Home Assistant as besides its buttons.
-pub const COMBINED: [(&str, Combined); 2] = [("switch", Combined::Switch), ("fan", Combined::Fan)];
+pub const COMBINED: [(&str, CombinedEntity); 2] = [
+    ("switch", CombinedEntity::Switch),
+    ("fan", CombinedEntity::Fan),
+];
 
 /// Optional topics over MQTT.
-pub const TREES: [(&str, Tree); 5] = [
-    (Tree::State.word(), Tree::State),
-    (Tree::Values.word(), Tree::Values),
-    (Tree::Param.word(), Tree::Param),
-    (Tree::Line.word(), Tree::Line),
-    (Tree::Info.word(), Tree::Info),
+pub const TREES: [(&str, TopicTree); 5] = [
+    (TopicTree::State.keyword(), TopicTree::State),
+    (TopicTree::Values.keyword(), TopicTree::Values),
+    (TopicTree::Param.keyword(), TopicTree::Param),
+    (TopicTree::Line.keyword(), TopicTree::Line),
+    (TopicTree::Info.keyword(), TopicTree::Info),
 ];
 
 /// Whether RUN over MQTT must state which stop it follows.

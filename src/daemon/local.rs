@@ -1,24 +1,24 @@
 //! Requests of the program's own tools and the page to the lines, and the answers.
 
-use crate::daemon::exchange::answers::{AnswerBox, News};
-use crate::daemon::exchange::inbox::{Full, Message};
-use crate::daemon::exchange::keeper::Keeper;
+use crate::daemon::exchange::answers::{AnswerBox, LineNews};
+use crate::daemon::exchange::inbox::{InboxFull, LineMessage};
+use crate::daemon::exchange::keeper::AttemptKeeper;
 use crate::daemon::exchange::north_journal::Journal;
-use crate::daemon::exchange::reload_request::{Reloaded, Reloads};
-use crate::daemon::exchange::shared::{Current, Shared};
+use crate::daemon::exchange::reload_request::{ReloadRequests, Reloaded};
+use crate::daemon::exchange::shared::{CurrentPlant, SharedPlant};
 use crate::daemon::host::clock;
-use crate::daemon::host::stall::Stalls;
+use crate::daemon::host::stall::LastStalls;
 use crate::domain::address::Address;
 use crate::domain::command::{
-    CommandRequest, Manner, Order, Origin, Outcome, Owner, Reason, Report, Rights,
+    CommandRequest, Order, OrderManner, Origin, Outcome, Owner, Reason, Report, Rights,
 };
 use crate::domain::control::ControlAction;
 use crate::domain::ids::{AskerId, CommanderName, Ticket};
-use crate::domain::native::{NativeAsk, NativeOutcome, NativeRequest, Refusal};
+use crate::domain::native::{NativeAsk, NativeOutcome, NativeRefusal, NativeRequest};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveRef;
 use crate::guard::COMMAND_DEADLINE;
-use crate::journal::Tried;
+use crate::journal::TriedWrite;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -38,12 +38,12 @@ const COMMAND_WITHIN: Duration = Duration::from_secs(15);
 
 /// Who orders something.
 #[derive(Clone, Copy, Debug)]
-pub struct Who {
+pub struct OrderingClient {
     asker: AskerId,
     origin: Origin,
 }
 
-impl Who {
+impl OrderingClient {
     /// A tool: any process that may open the socket. Its orders take no lease, so it needs no right to stop.
     pub const TOOL: Self = Self {
         asker: AskerId::LOCAL,
@@ -53,7 +53,7 @@ impl Who {
                 write: true,
                 stop: false,
             },
-            manner: Manner::Once,
+            manner: OrderManner::Once,
         },
     };
 
@@ -66,7 +66,7 @@ impl Who {
                 write: true,
                 stop: true,
             },
-            manner: Manner::Once,
+            manner: OrderManner::Once,
         },
     };
 
@@ -82,7 +82,7 @@ impl Who {
             origin: Origin {
                 owner: Owner::Page(user),
                 rights,
-                manner: Manner::Once,
+                manner: OrderManner::Once,
             },
         }
     }
@@ -96,7 +96,7 @@ impl Who {
 
 /// What a command carries besides its order.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Marks {
+pub struct CommandMarks {
     /// The drive's epoch as the sender last saw it.
     pub epoch: Option<u64>,
     /// The unproven action that it tries.
@@ -106,18 +106,18 @@ pub struct Marks {
 /// The path of the tools and the page to all lines.
 #[derive(Debug)]
 pub struct LocalSide {
-    current: Current,
-    reloads: Option<Reloads>,
-    keeper: Keeper,
+    current: CurrentPlant,
+    reloads: Option<ReloadRequests>,
+    keeper: AttemptKeeper,
     last: AtomicU64,
-    waiting: Mutex<HashMap<Ticket, oneshot::Sender<News>>>,
+    waiting: Mutex<HashMap<Ticket, oneshot::Sender<LineNews>>>,
     places: Arc<Semaphore>,
-    stalls: Arc<Stalls>,
+    stalls: Arc<LastStalls>,
 }
 
 /// Why a line cannot be asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Missing {
+enum LineUnavailable {
     /// Its inbox is full or closed.
     Full,
     /// There is no such line.
@@ -130,11 +130,11 @@ const NOT_ANSWERED: Report = Report::new(Outcome::Unknown, Reason::NoReply);
 impl LocalSide {
     /// A side without waiting requests.
     #[must_use]
-    pub fn new(current: impl Into<Current>, reloads: Option<Reloads>) -> Self {
+    pub fn new(current: impl Into<CurrentPlant>, reloads: Option<ReloadRequests>) -> Self {
         let places = Arc::new(Semaphore::new(TOOLS_MAX));
         let last = AtomicU64::new(0);
         let waiting = Mutex::default();
-        let keeper = Keeper::default();
+        let keeper = AttemptKeeper::default();
         let stalls = Arc::default();
         Self {
             current: current.into(),
@@ -149,7 +149,7 @@ impl LocalSide {
 
     /// This side with `stalls`: right after a stall it accepts only stops.
     #[must_use]
-    pub fn with_stalls(self, stalls: Arc<Stalls>) -> Self {
+    pub fn with_stalls(self, stalls: Arc<LastStalls>) -> Self {
         Self { stalls, ..self }
     }
 
@@ -157,20 +157,26 @@ impl LocalSide {
     #[must_use]
     pub fn keeping(self, journal: Journal) -> Self {
         Self {
-            keeper: Keeper::new(journal),
+            keeper: AttemptKeeper::new(journal),
             ..self
         }
     }
 
     /// Keeps what was tried and refused here. `drive` is `None` if it was for all drives or for one that does not
     /// exist.
-    pub fn keep(&self, who: Who, drive: Option<DriveRef>, tried: Tried, report: Report) {
+    pub fn keep(
+        &self,
+        who: OrderingClient,
+        drive: Option<DriveRef>,
+        tried: TriedWrite,
+        report: Report,
+    ) {
         self.keeper.keep(drive, who.owner(), tried, report);
     }
 
     /// Lines and drives.
     #[must_use]
-    pub fn shared(&self) -> Arc<Shared> {
+    pub fn shared(&self) -> Arc<SharedPlant> {
         self.current.get()
     }
 
@@ -181,7 +187,7 @@ impl LocalSide {
     pub async fn reload(&self) -> Reloaded {
         match &self.reloads {
             Some(reloads) => reloads.ask().await,
-            None => Err(crate::daemon::exchange::reload_request::Refusal::NoFile),
+            None => Err(crate::daemon::exchange::reload_request::ReloadRefusal::NoFile),
         }
     }
 
@@ -199,9 +205,9 @@ impl LocalSide {
             let mut waiting = self.lock();
             for news in batch.drain(..) {
                 let ticket = match &news {
-                    News::Native(answer) => answer.ticket,
-                    News::Command(answer) if answer.is_final => answer.ticket,
-                    News::Command(_) | News::Trip(..) | News::Events { .. } => continue,
+                    LineNews::Native(answer) => answer.ticket,
+                    LineNews::Command(answer) if answer.is_final => answer.ticket,
+                    LineNews::Command(_) | LineNews::Trip(..) | LineNews::Events { .. } => continue,
                 };
                 if let Some(asked) = waiting.remove(&ticket) {
                     // The receiver may be gone.
@@ -263,8 +269,8 @@ impl LocalSide {
     ) -> Result<Vec<u16>, Report> {
         let ask = NativeAsk::Read { address, count };
         let request = |ticket| {
-            let Who { asker, origin } = Who::TOOL;
-            Message::Native(NativeRequest {
+            let OrderingClient { asker, origin } = OrderingClient::TOOL;
+            LineMessage::Native(NativeRequest {
                 asker,
                 ticket,
                 drive: place.drive,
@@ -275,11 +281,11 @@ impl LocalSide {
         };
         let outcome = match self.put(place, deadline.since(clock::now()) + LATE, request) {
             Ok(asked) => match asked.answer().await {
-                Some(News::Native(answer)) => answer.outcome,
+                Some(LineNews::Native(answer)) => answer.outcome,
                 _ => NativeOutcome::NoReply,
             },
-            Err(Missing::Full) => NativeOutcome::Refused(Refusal::QueueFull),
-            Err(Missing::Line) => NativeOutcome::NoReply,
+            Err(LineUnavailable::Full) => NativeOutcome::Refused(NativeRefusal::QueueFull),
+            Err(LineUnavailable::Line) => NativeOutcome::NoReply,
         };
         match outcome {
             NativeOutcome::Words(words) => Ok(words.to_vec()),
@@ -288,31 +294,31 @@ impl LocalSide {
     }
 
     /// Sends an order to the drive at `place`, and waits for its outcome.
-    pub async fn command(&self, who: Who, place: DriveRef, order: Order) -> Report {
+    pub async fn command(&self, who: OrderingClient, place: DriveRef, order: Order) -> Report {
         self.order(who, place, order).end().await
     }
 
     /// Sends an order to the drive at `place` at once. Dropping the result does not cancel the order.
-    pub fn order(&self, who: Who, place: DriveRef, order: Order) -> Ordered<'_> {
-        self.order_marked(who, place, order, Marks::default())
+    pub fn order(&self, who: OrderingClient, place: DriveRef, order: Order) -> SentOrder<'_> {
+        self.order_marked(who, place, order, CommandMarks::default())
     }
 
     /// Sends an order with `marks` to the drive at `place` at once. Dropping the result does not cancel the order.
     pub fn order_marked(
         &self,
-        who: Who,
+        who: OrderingClient,
         place: DriveRef,
         order: Order,
-        marks: Marks,
-    ) -> Ordered<'_> {
+        marks: CommandMarks,
+    ) -> SentOrder<'_> {
         let now = clock::now();
-        let tried = (!order.is_no_attempt()).then(|| Tried::Order(order.clone()));
+        let tried = (!order.is_no_attempt()).then(|| TriedWrite::Order(order.clone()));
         let refused = |reason| {
             let report = Report::refused(reason);
             if let Some(tried) = tried {
                 self.keep(who, Some(place), tried, report);
             }
-            Ordered(Err(report))
+            SentOrder(Err(report))
         };
         // When the sockets were last read empty is unknown here.
         if !order.is_stop() && self.stalls.may_have_waited(now, MonoTime::ZERO) {
@@ -320,11 +326,11 @@ impl LocalSide {
         }
         let start_before = now + COMMAND_DEADLINE;
         let request = |ticket| {
-            let Who { asker, origin } = who;
+            let OrderingClient { asker, origin } = who;
             let drive = place.drive;
             let issued = None;
-            let Marks { epoch, trial } = marks;
-            Message::Command(CommandRequest {
+            let CommandMarks { epoch, trial } = marks;
+            LineMessage::Command(CommandRequest {
                 asker,
                 ticket,
                 drive,
@@ -337,31 +343,31 @@ impl LocalSide {
             })
         };
         match self.put(place, COMMAND_WITHIN, request) {
-            Ok(asked) => Ordered(Ok(asked)),
-            Err(Missing::Full) => refused(Reason::QueueFull),
-            Err(Missing::Line) => Ordered(Err(NOT_ANSWERED)),
+            Ok(asked) => SentOrder(Ok(asked)),
+            Err(LineUnavailable::Full) => refused(Reason::QueueFull),
+            Err(LineUnavailable::Line) => SentOrder(Err(NOT_ANSWERED)),
         }
     }
 
     /// Sets the sums of what the drive at `place` has used back to 0. Returns whether its line took the message.
     #[must_use]
-    pub fn reset_usage(&self, who: Who, place: DriveRef) -> bool {
+    pub fn reset_usage(&self, who: OrderingClient, place: DriveRef) -> bool {
         let shared = self.shared();
-        let message = Message::ResetUsage(place.drive, who.owner());
+        let message = LineMessage::ResetUsage(place.drive, who.owner());
         shared
             .inbox(place)
             .is_some_and(|inbox| inbox.put(message).is_ok())
     }
 
     /// Orders the drives at `places` to stop, all at once: each line finds its stops together.
-    pub fn stop_all(&self, who: Who, places: &[DriveRef]) -> Vec<Ordered<'_>> {
+    pub fn stop_all(&self, who: OrderingClient, places: &[DriveRef]) -> Vec<SentOrder<'_>> {
         let start_before = clock::now() + COMMAND_DEADLINE;
         let order = Order::Stop { setpoint: None };
         let (commands, asked): (Vec<_>, Vec<_>) = places
             .iter()
             .map(|place| {
                 let (ticket, asked) = self.ask(COMMAND_WITHIN);
-                let Who { asker, origin } = who;
+                let OrderingClient { asker, origin } = who;
                 let drive = place.drive;
                 let order = order.clone();
                 let issued = None;
@@ -384,11 +390,11 @@ impl LocalSide {
         let all = places.iter().zip(asked).zip(taken);
         all.map(|((place, asked), is_taken)| {
             if is_taken {
-                return Ordered(Ok(asked));
+                return SentOrder(Ok(asked));
             }
             let report = Report::refused(Reason::QueueFull);
-            self.keep(who, Some(*place), Tried::Order(order.clone()), report);
-            Ordered(Err(report))
+            self.keep(who, Some(*place), TriedWrite::Order(order.clone()), report);
+            SentOrder(Err(report))
         })
         .collect()
     }
@@ -398,12 +404,14 @@ impl LocalSide {
         &self,
         place: DriveRef,
         within: Duration,
-        message: impl FnOnce(Ticket) -> Message,
-    ) -> Result<LineRequest<'_>, Missing> {
+        message: impl FnOnce(Ticket) -> LineMessage,
+    ) -> Result<LineRequest<'_>, LineUnavailable> {
         let (ticket, asked) = self.ask(within);
         let shared = self.shared();
-        let inbox = shared.inbox(place).ok_or(Missing::Line)?;
-        inbox.put(message(ticket)).map_err(|Full| Missing::Full)?;
+        let inbox = shared.inbox(place).ok_or(LineUnavailable::Line)?;
+        inbox
+            .put(message(ticket))
+            .map_err(|InboxFull| LineUnavailable::Full)?;
         Ok(asked)
     }
 
@@ -412,7 +420,7 @@ impl LocalSide {
         let ticket = Ticket(self.last.fetch_add(1, Ordering::Relaxed));
         let (give, answer) = oneshot::channel();
         self.lock().insert(ticket, give);
-        let waits = Waits { side: self, ticket };
+        let waits = WaitingRequest { side: self, ticket };
         let until = Instant::now() + within;
         (
             ticket,
@@ -424,7 +432,7 @@ impl LocalSide {
         )
     }
 
-    fn lock(&self) -> MutexGuard<'_, HashMap<Ticket, oneshot::Sender<News>>> {
+    fn lock(&self) -> MutexGuard<'_, HashMap<Ticket, oneshot::Sender<LineNews>>> {
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -432,29 +440,29 @@ impl LocalSide {
 /// A request that was passed to a line.
 #[derive(Debug)]
 struct LineRequest<'a> {
-    answer: oneshot::Receiver<News>,
+    answer: oneshot::Receiver<LineNews>,
     until: Instant,
-    _waits: Waits<'a>,
+    _waits: WaitingRequest<'a>,
 }
 
 impl LineRequest<'_> {
     /// The answer; `None` if it did not arrive in time.
-    async fn answer(self) -> Option<News> {
+    async fn answer(self) -> Option<LineNews> {
         timeout_at(self.until, self.answer).await.ok()?.ok()
     }
 }
 
 /// An order that was sent, or its immediate outcome.
 #[derive(Debug)]
-pub struct Ordered<'a>(Result<LineRequest<'a>, Report>);
+pub struct SentOrder<'a>(Result<LineRequest<'a>, Report>);
 
-impl Ordered<'_> {
+impl SentOrder<'_> {
     /// Waits for its outcome.
     pub async fn end(self) -> Report {
         match self.0 {
             Err(report) => report,
             Ok(asked) => match asked.answer().await {
-                Some(News::Command(answer)) => answer.report,
+                Some(LineNews::Command(answer)) => answer.report,
                 _ => NOT_ANSWERED,
             },
         }
@@ -463,12 +471,12 @@ impl Ordered<'_> {
 
 /// A waiting request. Its entry is removed when this is dropped, also without an answer.
 #[derive(Debug)]
-struct Waits<'a> {
+struct WaitingRequest<'a> {
     side: &'a LocalSide,
     ticket: Ticket,
 }
 
-impl Drop for Waits<'_> {
+impl Drop for WaitingRequest<'_> {
     fn drop(&mut self) {
         self.side.lock().remove(&self.ticket);
     }
@@ -477,7 +485,7 @@ impl Drop for Waits<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::command::{CommandAnswer, Direction, Go};
+    use crate::domain::command::{CommandAnswer, Direction, GoOrder};
     use crate::domain::ids::{DriveIndex, Name};
     use crate::domain::link::Interface;
     use crate::domain::native::NativeAnswer;
@@ -490,7 +498,7 @@ mod tests {
     fn side() -> Arc<LocalSide> {
         let line = (Name::new("hall-1").unwrap(), Interface::Rs485);
         Arc::new(LocalSide::new(
-            Arc::new(Shared::new(vec![line], Vec::new())),
+            Arc::new(SharedPlant::new(vec![line], Vec::new())),
             None,
         ))
     }
@@ -498,7 +506,7 @@ mod tests {
     /// Runs `test` with the answers that `line` gives to each message to the line.
     fn with_a_line<T>(
         side: &Arc<LocalSide>,
-        mut line: impl FnMut(Message) -> Vec<News> + 'static,
+        mut line: impl FnMut(LineMessage) -> Vec<LineNews> + 'static,
         test: impl Future<Output = T>,
     ) -> T {
         let runtime = tokio::runtime::Builder::new_current_thread()
@@ -536,7 +544,7 @@ mod tests {
             let count = Arc::new(AtomicU64::new(0));
             let seen = Arc::clone(&count);
             let line = move |message| {
-                let Message::Native(NativeRequest { asker, ticket, .. }) = message else {
+                let LineMessage::Native(NativeRequest { asker, ticket, .. }) = message else {
                     panic!("{message:?}")
                 };
                 let outcome = if seen.fetch_add(1, Ordering::Relaxed) < busy as u64 {
@@ -547,7 +555,7 @@ mod tests {
                 } else {
                     NativeOutcome::Words(vec![7].into())
                 };
-                vec![News::Native(NativeAnswer {
+                vec![LineNews::Native(NativeAnswer {
                     asker,
                     ticket,
                     outcome,
@@ -571,7 +579,7 @@ mod tests {
     fn each_read_gets_the_answer_to_its_own_question() {
         let side = side();
         let line = |message| {
-            let Message::Native(NativeRequest {
+            let LineMessage::Native(NativeRequest {
                 asker,
                 ticket,
                 ask: NativeAsk::Read { address, .. },
@@ -588,7 +596,7 @@ mod tests {
             } else {
                 NativeOutcome::Words(vec![address.number() * 10].into())
             };
-            vec![News::Native(NativeAnswer {
+            vec![LineNews::Native(NativeAnswer {
                 asker,
                 ticket,
                 outcome,
@@ -614,8 +622,8 @@ mod tests {
     fn behind_a_stall_only_stops_are_orders() {
         let side = Arc::try_unwrap(side())
             .unwrap()
-            .with_stalls(Arc::new(Stalls::just_ended()));
-        let who = Who::signed_in(CommanderName::new("anna").unwrap());
+            .with_stalls(Arc::new(LastStalls::just_ended()));
+        let who = OrderingClient::signed_in(CommanderName::new("anna").unwrap());
         let stale = |order| {
             assert_eq!(
                 side.order(who, PLACE, order).0.err(),
@@ -623,7 +631,7 @@ mod tests {
             )
         };
         stale(Order::Go(
-            Go::new(Vec::new(), None, Some(Direction::Forward)).unwrap(),
+            GoOrder::new(Vec::new(), None, Some(Direction::Forward)).unwrap(),
         ));
         stale(Order::Renew);
         for stop in [Order::Stop { setpoint: None }, Order::Coast] {
@@ -638,7 +646,7 @@ mod tests {
     fn a_command_ends_with_its_last_word() {
         let side = side();
         let line = |message| {
-            let Message::Command(CommandRequest {
+            let LineMessage::Command(CommandRequest {
                 asker,
                 ticket,
                 drive,
@@ -655,7 +663,7 @@ mod tests {
             );
             let told = |outcome, is_final| {
                 let report = Report::new(outcome, Reason::None);
-                News::Command(CommandAnswer {
+                LineNews::Command(CommandAnswer {
                     asker,
                     ticket,
                     drive,
@@ -671,7 +679,11 @@ mod tests {
         let report = with_a_line(
             &side,
             line,
-            side.command(Who::TOOL, PLACE, Order::Setup(vec![0x0211_u16.into()])),
+            side.command(
+                OrderingClient::TOOL,
+                PLACE,
+                Order::Setup(vec![0x0211_u16.into()]),
+            ),
         );
         assert_eq!(report.outcome, Outcome::Confirmed);
     }
@@ -681,7 +693,7 @@ mod tests {
         let side = side();
         let anna = CommanderName::new("anna").unwrap();
         let line = move |message| {
-            let Message::Command(CommandRequest {
+            let LineMessage::Command(CommandRequest {
                 asker,
                 ticket,
                 drive,
@@ -693,11 +705,11 @@ mod tests {
             };
             assert_eq!(
                 (asker, origin.owner, origin.manner),
-                (AskerId::PAGE, Owner::Page(anna), Manner::Once)
+                (AskerId::PAGE, Owner::Page(anna), OrderManner::Once)
             );
             assert!(origin.rights.write && origin.rights.stop);
             let report = Report::held_by(Owner::Mqtt);
-            vec![News::Command(CommandAnswer {
+            vec![LineNews::Command(CommandAnswer {
                 asker,
                 ticket,
                 drive,
@@ -707,8 +719,13 @@ mod tests {
         };
         let ordered = async {
             // Both are sent before either is waited for.
-            let both = [(); 2]
-                .map(|()| side.order(Who::signed_in(anna), PLACE, Order::Stop { setpoint: None }));
+            let both = [(); 2].map(|()| {
+                side.order(
+                    OrderingClient::signed_in(anna),
+                    PLACE,
+                    Order::Stop { setpoint: None },
+                )
+            });
             let mut ends = Vec::new();
             for ordered in both {
                 ends.push(ordered.end().await.message());
@@ -728,7 +745,7 @@ mod tests {
             let read = side.read(PLACE, 1_u16.into(), deadline()).await;
             (
                 read,
-                side.command(Who::TOOL, PLACE, Order::Setup(Vec::new()))
+                side.command(OrderingClient::TOOL, PLACE, Order::Setup(Vec::new()))
                     .await,
             )
         });
@@ -745,7 +762,7 @@ mod tests {
         let side = side();
         while side.shared().lines[0]
             .inbox
-            .put(Message::AskerGone(AskerId(1)))
+            .put(LineMessage::AskerGone(AskerId(1)))
             .is_ok()
         {}
         let nowhere = DriveRef { line: 9, ..PLACE };

@@ -1,7 +1,7 @@
 //! The only room with tokio, files, sockets, clocks and signals. It executes what the pure rooms decide.
 //!
 //! The main thread serves the north side on a runtime of its own; each line has a thread of its own, so that nothing
-//! else delays its frames. They exchange requests ([`exchange::inbox::Inbox`]) and answers
+//! else delays its frames. They exchange requests ([`exchange::inbox::LineInbox`]) and answers
 //! ([`exchange::answers::AnswerBox`]).
 
 #![allow(

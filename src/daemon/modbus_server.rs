@@ -1,4 +1,4 @@
-//! Modbus TCP listeners: they carry bytes between sockets and [`Connection`] machines.
+//! Modbus TCP listeners: they carry bytes between sockets and [`ModbusConnection`] machines.
 
 mod accepting;
 mod admission;
@@ -9,27 +9,29 @@ mod listener;
 mod security;
 mod stream;
 
-pub use listener::Listener;
-pub use security::Security;
-pub use stream::Master;
+pub use listener::ModbusListener;
+pub use security::ListenerSecurity;
+pub use stream::PortMaster;
 
-use crate::daemon::exchange::answers::{AnswerBox, News};
-use crate::daemon::exchange::inbox::Message;
-use crate::daemon::exchange::keeper::Keeper;
+use crate::daemon::exchange::answers::{AnswerBox, LineNews};
+use crate::daemon::exchange::inbox::LineMessage;
+use crate::daemon::exchange::keeper::AttemptKeeper;
 use crate::daemon::exchange::north_journal::Journal;
 use crate::daemon::exchange::rate_limited_log::RateLimitedLog;
-use crate::daemon::exchange::router::Router;
+use crate::daemon::exchange::router::UnitRouter;
 use crate::daemon::exchange::totals::ModbusTotals;
 use crate::daemon::host::clock;
-use crate::daemon::host::descriptors::Spare;
-use crate::daemon::host::stall::Stalls;
-use crate::domain::command::{Manner, Origin, Owner, Rights};
+use crate::daemon::host::descriptors::SpareDescriptor;
+use crate::daemon::host::stall::LastStalls;
+use crate::domain::command::{OrderManner, Origin, Owner, Rights};
 use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;
-use crate::north::modbus::{Commands, Connection, Counters, Slots, UnsentAttempt};
-use admission::{Admission, Dismissal, Seat};
-use certificate::Certificate;
-use handshake::Handshakes;
+use crate::north::modbus::{
+    CallCommands, ClientSlots, ConnectionCounters, ModbusConnection, UnsentAttempt,
+};
+use admission::{ClientAdmission, ClientDismissal, ClientSeat};
+use certificate::CertifiedClient;
+use handshake::PendingHandshakes;
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
 use std::future::poll_fn;
@@ -40,7 +42,7 @@ use std::rc::{Rc, Weak};
 use std::sync::Arc;
 use std::task::{Poll, ready};
 use std::time::Duration;
-use stream::{READ_BYTES, Stream};
+use stream::{ClientStream, READ_BYTES};
 use tokio::io::{AsyncRead, ReadBuf};
 use tokio::net::UnixStream;
 use tokio::sync::Notify;
@@ -49,79 +51,79 @@ use tokio::time::Instant;
 
 /// The connections of all listeners. It lives on the main thread.
 #[derive(Debug, Default)]
-pub struct Server {
+pub struct ModbusServer {
     totals: Arc<ModbusTotals>,
-    keeper: Rc<Keeper>,
-    clients: RefCell<HashMap<AskerId, Rc<Client>>>,
-    handshakes: Handshakes,
-    admission: Rc<Admission>,
-    spare: Spare,
+    keeper: Rc<AttemptKeeper>,
+    clients: RefCell<HashMap<AskerId, Rc<ModbusClient>>>,
+    handshakes: PendingHandshakes,
+    admission: Rc<ClientAdmission>,
+    spare: SpareDescriptor,
     told: RateLimitedLog,
-    stalls: Arc<Stalls>,
+    stalls: Arc<LastStalls>,
     last: Cell<u64>,
 }
 
 #[derive(Debug)]
-struct Client {
+struct ModbusClient {
     asker: AskerId,
-    seat: Seat,
+    seat: ClientSeat,
     peer: IpAddr,
-    proven: Option<Box<Proven>>,
+    proven: Option<Box<ProvenClient>>,
     origin: Cell<Origin>,
     /// Whether its requests are answered at all.
     may_ask: Cell<bool>,
     reads_renew: Cell<bool>,
-    stream: Stream,
-    machine: RefCell<Connection>,
-    stalls: Arc<Stalls>,
+    stream: ClientStream,
+    machine: RefCell<ModbusConnection>,
+    stalls: Arc<LastStalls>,
     /// When its socket was last read empty.
     emptied: Cell<MonoTime>,
-    commands: RefCell<Commands>,
+    commands: RefCell<CallCommands>,
     /// Until when requests of it may wait at a line: reads until their deadlines, reads after a stop longer.
     known_until: Cell<MonoTime>,
     /// When a read last renewed a lease, by the place of the drive.
     renewed: RefCell<HashMap<usize, MonoTime>>,
-    listener: Rc<Listener>,
-    router: RefCell<Arc<Router>>,
+    listener: Rc<ModbusListener>,
+    router: RefCell<Arc<UnitRouter>>,
     /// Why it is to be closed, if it is.
-    dismissed: Cell<Option<Dismissal>>,
-    server: Weak<Server>,
-    keeper: Rc<Keeper>,
+    dismissed: Cell<Option<ClientDismissal>>,
+    server: Weak<ModbusServer>,
+    keeper: Rc<AttemptKeeper>,
     /// Notified when the machine was changed outside its own task.
     bell: Notify,
     totals: Arc<ModbusTotals>,
     /// The part of the machine's counts that is in the totals already.
-    counted: Cell<Counters>,
+    counted: Cell<ConnectionCounters>,
 }
 
 /// How a client has authenticated itself.
 #[derive(Debug)]
-struct Proven {
-    certificate: Certificate,
-    to: Rc<Security>,
+struct ProvenClient {
+    certificate: CertifiedClient,
+    to: Rc<ListenerSecurity>,
 }
 
-impl Server {
+impl ModbusServer {
     /// A server without listeners that counts into `totals`. Attempts that reach no line are sent to `journal`.
     #[must_use]
     pub fn new(totals: Arc<ModbusTotals>, journal: Journal) -> Self {
         Self {
             totals,
-            keeper: Rc::new(Keeper::new(journal)),
+            keeper: Rc::new(AttemptKeeper::new(journal)),
             ..Self::default()
         }
     }
 
     /// This server with `stalls`: of what was sent before the end of a stall it accepts only stops.
     #[must_use]
-    pub fn with_stalls(self, stalls: Arc<Stalls>) -> Self {
+    pub fn with_stalls(self, stalls: Arc<LastStalls>) -> Self {
         Self { stalls, ..self }
     }
 
     /// This server with at most `most` connections.
     #[must_use]
     pub fn with_slots(self, most: usize) -> Self {
-        self.admission.slots.replace(Slots::new(most));
+        self.admission.slots.replace(ClientSlots::new(most));
         self
     }
 
@@ -142,8 +144,8 @@ impl Server {
 
     /// Passes the answers of the lines to their connections until the task is dropped.
     pub async fn distribute(self: Rc<Self>, answers: Arc<AnswerBox>) {
-        let mut batch: Vec<News> = Vec::new();
-        let mut touched: Vec<Rc<Client>> = Vec::new();
+        let mut batch: Vec<LineNews> = Vec::new();
+        let mut touched: Vec<Rc<ModbusClient>> = Vec::new();
         loop {
             answers.fetch(&mut batch).await;
             let now = clock::now();
@@ -164,7 +166,7 @@ impl Server {
     }
 
     /// Serves a tool of this process, with what `listener` grants to this host.
-    pub fn serve_tool(self: &Rc<Self>, stream: UnixStream, listener: &Rc<Listener>) {
+    pub fn serve_tool(self: &Rc<Self>, stream: UnixStream, listener: &Rc<ModbusListener>) {
         let peer = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
         let Some(seat) = self.seat(peer.ip(), listener) else {
             return;
@@ -172,7 +174,7 @@ impl Server {
         let (source, sink) = stream.into_split();
         self.begin(
             source,
-            Stream::Tool(sink),
+            ClientStream::Tool(sink),
             peer,
             None,
             Rc::clone(listener),
@@ -184,8 +186,8 @@ impl Server {
     pub fn serve_master(
         self: &Rc<Self>,
         stream: UnixStream,
-        master: Master,
-        listener: &Rc<Listener>,
+        master: PortMaster,
+        listener: &Rc<ModbusListener>,
     ) {
         let peer = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
         let Some(seat) = self.seat(peer.ip(), listener) else {
@@ -194,7 +196,7 @@ impl Server {
         let (source, sink) = stream.into_split();
         self.begin(
             source,
-            Stream::Master(sink, master),
+            ClientStream::Master(sink, master),
             peer,
             None,
             Rc::clone(listener),
@@ -206,19 +208,19 @@ impl Server {
     fn begin(
         self: &Rc<Self>,
         mut source: impl AsyncRead + Unpin + 'static,
-        stream: Stream,
+        stream: ClientStream,
         peer: SocketAddr,
-        proven: Option<Box<Proven>>,
-        listener: Rc<Listener>,
-        seat: Seat,
+        proven: Option<Box<ProvenClient>>,
+        listener: Rc<ModbusListener>,
+        seat: ClientSeat,
     ) {
         let asker = seat.asker;
-        let machine = RefCell::new(Connection::new(stream.limits(), clock::now()));
+        let machine = RefCell::new(ModbusConnection::new(stream.limits(), clock::now()));
         let owner = match &proven {
             None => stream.owner_at(peer.ip()),
             Some(proven) => Owner::ModbusSecurity(proven.certificate.name),
         };
-        let client = Rc::new(Client {
+        let client = Rc::new(ModbusClient {
             asker,
             seat,
             peer: peer.ip(),
@@ -226,7 +228,7 @@ impl Server {
             origin: Cell::new(Origin {
                 owner,
                 rights: Rights::NONE,
-                manner: Manner::Cyclic,
+                manner: OrderManner::Cyclic,
             }),
             may_ask: Cell::new(false),
             reads_renew: Cell::new(false),
@@ -261,14 +263,14 @@ impl Server {
             if clock::now() < client.known_until.get() {
                 for inbox in client.router().inboxes() {
                     // If the inbox is full, the requests just end at their deadlines.
-                    let _ = inbox.put(Message::AskerGone(asker));
+                    let _ = inbox.put(LineMessage::AskerGone(asker));
                 }
             }
         });
     }
 }
 
-impl Client {
+impl ModbusClient {
     /// Serves the connection until it is closed; returns the reason.
     async fn serve(&self, source: &mut (impl AsyncRead + Unpin)) -> String {
         let wake = tokio::time::sleep(Duration::from_secs(3600));
@@ -304,7 +306,7 @@ impl Client {
                 () = self.bell.notified() => Ok(()),
                 () = &mut wake => {
                     self.machine.borrow_mut().tick(clock::now());
-                    self.keep();
+                    self.journal_attempts();
                     wake.as_mut().reset(Instant::now() + Duration::from_secs(3600));
                     self.flush()
                 }
@@ -335,18 +337,20 @@ impl Client {
         let now = clock::now();
         let has_waited = self.stalls.may_have_waited(now, self.emptied.get());
         // What a serial port held through a stall comes in several messages.
-        if (1..READ_BYTES).contains(&bytes.len()) && !matches!(self.stream, Stream::Master(..)) {
+        if (1..READ_BYTES).contains(&bytes.len())
+            && !matches!(self.stream, ClientStream::Master(..))
+        {
             self.emptied.set(now);
         }
         let opened = self
             .stream
             .open(bytes, |plain| self.serve_bytes(now, plain, has_waited));
-        self.keep();
+        self.journal_attempts();
         opened.and_then(|()| self.flush())
     }
 
     /// Passes the machine's attempts that reached no line to the journal.
-    fn keep(&self) {
+    fn journal_attempts(&self) {
         while let Some(UnsentAttempt {
             unit,
             tried,
@@ -366,7 +370,7 @@ impl Client {
         self.machine.borrow_mut().next_kept()
     }
 
-    fn router(&self) -> Arc<Router> {
+    fn router(&self) -> Arc<UnitRouter> {
         Arc::clone(&self.router.borrow())
     }
 
@@ -392,12 +396,12 @@ impl Client {
                 .set_idle_timeout(granted.idle_timeout);
             self.bell.notify_one();
         } else {
-            self.dismiss(Dismissal::Unwanted);
+            self.dismiss(ClientDismissal::Unwanted);
         }
     }
 
     /// Its task closes it at its next turn.
-    fn dismiss(&self, why: Dismissal) {
+    fn dismiss(&self, why: ClientDismissal) {
         self.dismissed.set(Some(why));
         self.bell.notify_one();
     }

@@ -1,8 +1,8 @@
 //! The file with what was tried at the drives, in the data directory: read, and replaced as a whole.
 
-use crate::config::qualified::{BYTES_MAX, FILE_NAME, Qualified};
+use crate::config::qualified::{BYTES_MAX, FILE_NAME, QualifiedResults};
 use crate::daemon::host::user_files;
-use crate::daemon::host::whole_files::{self, Readers};
+use crate::daemon::host::whole_files::{self, FileReaders};
 use std::io;
 use std::path::Path;
 
@@ -10,11 +10,11 @@ use std::path::Path;
 ///
 /// # Errors
 /// The file cannot be used.
-pub fn read(data_dir: &Path) -> Result<Qualified, String> {
+pub fn read(data_dir: &Path) -> Result<QualifiedResults, String> {
     let file = data_dir.join(FILE_NAME);
     match user_files::text(&file, BYTES_MAX) {
-        Ok(text) => Qualified::parse(&text),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Qualified::default()),
+        Ok(text) => QualifiedResults::parse(&text),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(QualifiedResults::default()),
         Err(error) => Err(error.to_string()),
     }
 }
@@ -23,11 +23,11 @@ pub fn read(data_dir: &Path) -> Result<Qualified, String> {
 ///
 /// # Errors
 /// The system's.
-pub fn write(data_dir: &Path, qualified: &Qualified) -> io::Result<()> {
+pub fn write(data_dir: &Path, qualified: &QualifiedResults) -> io::Result<()> {
     whole_files::replace(
         &data_dir.join(FILE_NAME),
         qualified.text().as_bytes(),
-        Readers::All,
+        FileReaders::All,
     )
 }
 
@@ -42,13 +42,13 @@ mod tests {
         let place = Dir::new();
         assert_eq!(
             read(&place),
-            Ok(Qualified::default()),
+            Ok(QualifiedResults::default()),
             "nothing was tried yet"
         );
-        write(&place, &Qualified::default()).unwrap();
-        assert_eq!(read(&place), Ok(Qualified::default()));
+        write(&place, &QualifiedResults::default()).unwrap();
+        assert_eq!(read(&place), Ok(QualifiedResults::default()));
         fs::write(place.join(FILE_NAME), "{").unwrap();
         assert!(read(&place).is_err());
-        assert!(write(&place.join("missing"), &Qualified::default()).is_err());
+        assert!(write(&place.join("missing"), &QualifiedResults::default()).is_err());
     }
 }

@@ -1,21 +1,21 @@
 //! Each line finds a stop for all drives together, by whatever path it arrives, so that it can be one frame there.
 
 use crate::config::{self, Config};
-use crate::daemon::exchange::inbox::Inbox;
-use crate::daemon::exchange::shared::{Current, Shared};
+use crate::daemon::exchange::inbox::LineInbox;
+use crate::daemon::exchange::shared::{CurrentPlant, SharedPlant};
 use crate::daemon::host::clock;
 use crate::daemon::lines;
-use crate::daemon::local::{LocalSide, Who};
-use crate::daemon::mqtt::Protocol;
-use crate::daemon::mqtt::speaker::Speaker;
+use crate::daemon::local::{LocalSide, OrderingClient};
+use crate::daemon::mqtt::BrokerConversation;
+use crate::daemon::mqtt::speaker::BrokerSession;
 use crate::daemon::service::build;
 use crate::daemon::service::conversations::BrokerSide;
 use crate::daemon::sparkplug::BdSeq;
-use crate::daemon::sparkplug::speaker::{Sides, Speaker as SparkplugSpeaker};
+use crate::daemon::sparkplug::speaker::{NodeBrokerSession, SessionSides};
 use crate::daemon::testing::{Dir, Sleeper};
 use crate::domain::ids::{CommanderName, Ticket};
-use crate::north::broker::{Event, Message};
-use crate::north::sparkplug::payload::{Metric, Payload, Value};
+use crate::north::broker::{BrokerEvent, BrokerMessage};
+use crate::north::sparkplug::payload::{PayloadMetric, PayloadValue, SparkplugPayload};
 use crate::vendors;
 use std::fmt::Write;
 use std::path::Path;
@@ -44,18 +44,18 @@ fn config() -> Config {
 }
 
 /// Sends a stop for all, and returns how many stops the line finds when it is woken.
-fn found(shared: &Shared, give: impl FnOnce()) -> usize {
-    let inbox: &Arc<Inbox> = &shared.lines[0].inbox;
+fn found(shared: &SharedPlant, give: impl FnOnce()) -> usize {
+    let inbox: &Arc<LineInbox> = &shared.lines[0].inbox;
     let sleeper = Sleeper::new(inbox);
     give();
     sleeper.found()
 }
 
-fn message<'a>(topic: &'a str, payload: &'a [u8]) -> Event<'a> {
+fn message<'a>(topic: &'a str, payload: &'a [u8]) -> BrokerEvent<'a> {
     let retain = false;
     let duplicate = false;
     let expiry = None;
-    Event::Message(Message {
+    BrokerEvent::Message(BrokerMessage {
         topic,
         payload,
         retain,
@@ -85,10 +85,10 @@ fn by_way_of_mqtt() {
         broker_side(&config, &Dir::new()).mqtt,
         Arc::new(lines::build::shared(&config)),
     );
-    let current = Current::from(Arc::clone(&shared));
+    let current = CurrentPlant::from(Arc::clone(&shared));
     let news = Arc::default();
     let totals = Arc::default();
-    let mut speaker = Speaker::new(
+    let mut speaker = BrokerSession::new(
         settings,
         current,
         news,
@@ -113,26 +113,26 @@ fn by_way_of_sparkplug() {
     let news = Arc::default();
     let totals = Arc::default();
     let journal = None;
-    let sides = Sides {
-        current: Current::from(Arc::clone(&shared)),
+    let sides = SessionSides {
+        current: CurrentPlant::from(Arc::clone(&shared)),
         news,
         totals,
         journal,
     };
-    let mut speaker = SparkplugSpeaker::new(
+    let mut speaker = NodeBrokerSession::new(
         settings,
         BdSeq::read(&dir),
         sides,
         Ticket(1),
         clock::moment(),
     );
-    let value = Some(Value::Text("stop".to_owned()));
-    let metrics = vec![Metric {
+    let value = Some(PayloadValue::Text("stop".to_owned()));
+    let metrics = vec![PayloadMetric {
         name: Some("all/run/set".to_owned()),
         value,
-        ..Metric::default()
+        ..PayloadMetric::default()
     }];
-    let payload = Payload {
+    let payload = SparkplugPayload {
         timestamp: None,
         metrics,
         seq: None,
@@ -154,7 +154,7 @@ fn by_way_of_the_page() {
         .iter()
         .map(|drive| drive.description.place)
         .collect();
-    let who = Who::signed_in(CommanderName::new("anna").unwrap());
+    let who = OrderingClient::signed_in(CommanderName::new("anna").unwrap());
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_time()
         .build()

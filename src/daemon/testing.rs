@@ -1,6 +1,6 @@
 //! Shared helpers for tests of the daemon: a temporary directory, and a line thread that sleeps.
 
-use crate::daemon::exchange::inbox::{Inbox, Message};
+use crate::daemon::exchange::inbox::{LineInbox, LineMessage};
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use std::pin::Pin;
@@ -56,13 +56,13 @@ pub struct Sleeper {
 
 /// What it finds first.
 struct First {
-    inbox: Arc<Inbox>,
-    found: Mutex<Vec<Message>>,
+    inbox: Arc<LineInbox>,
+    found: Mutex<Vec<LineMessage>>,
 }
 
 impl Sleeper {
     /// The thread of the line with this inbox, which must be empty.
-    pub fn new(inbox: &Arc<Inbox>) -> Self {
+    pub fn new(inbox: &Arc<LineInbox>) -> Self {
         let called = Arc::clone(inbox);
         let mut sleeper = Self {
             first: Arc::new(First {

@@ -4,7 +4,7 @@ use std::fmt;
 
 /// A table of the Modbus data model (application protocol V1.1b3, 4.3).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Table {
+pub enum DataTable {
     /// Holding registers: words that are read by 03 and written by 06 or 10 hex.
     #[default]
     Holding,
@@ -16,13 +16,13 @@ pub enum Table {
     Discrete,
 }
 
-impl Table {
+impl DataTable {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Holding, Self::Input, Self::Coil, Self::Discrete];
 
     /// The word for it in model files.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Holding => "holding",
             Self::Input => "input",
@@ -47,26 +47,26 @@ impl Table {
 /// Where one word or bit of a drive is. Ordered by table, then by number.
 #[derive(Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Address {
-    table: Table,
+    table: DataTable,
     number: u16,
 }
 
 impl Address {
     /// The address with `number`, as it is sent on the wire, in `table`.
     #[must_use]
-    pub const fn new(table: Table, number: u16) -> Self {
+    pub const fn new(table: DataTable, number: u16) -> Self {
         Self { table, number }
     }
 
     /// The holding register with `number`.
     #[must_use]
     pub const fn holding(number: u16) -> Self {
-        Self::new(Table::Holding, number)
+        Self::new(DataTable::Holding, number)
     }
 
     /// Its table.
     #[must_use]
-    pub const fn table(self) -> Table {
+    pub const fn table(self) -> DataTable {
         self.table
     }
 
@@ -137,8 +137,8 @@ impl fmt::Display for Address {
     /// `0x2100` for a holding register, `coil 0x0001` for others.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.table {
-            Table::Holding => write!(f, "0x{:04X}", self.number),
-            table => write!(f, "{} 0x{:04X}", table.word(), self.number),
+            DataTable::Holding => write!(f, "0x{:04X}", self.number),
+            table => write!(f, "{} 0x{:04X}", table.keyword(), self.number),
         }
     }
 }
@@ -155,12 +155,15 @@ mod tests {
 
     #[test]
     fn an_address_counts_within_its_table() {
-        let coil = Address::new(Table::Coil, 3);
-        assert_eq!(coil.checked_add(2), Some(Address::new(Table::Coil, 5)));
+        let coil = Address::new(DataTable::Coil, 3);
+        assert_eq!(coil.checked_add(2), Some(Address::new(DataTable::Coil, 5)));
         assert_eq!(Address::holding(u16::MAX).checked_add(1), None);
-        assert_eq!(coil.offset_from(Address::new(Table::Coil, 1)), Some(2));
+        assert_eq!(coil.offset_from(Address::new(DataTable::Coil, 1)), Some(2));
         assert_eq!(coil.offset_from(Address::holding(1)), None, "another table");
-        assert_eq!(coil.word_in(Address::new(Table::Coil, 2), &[0, 1]), Some(1));
+        assert_eq!(
+            coil.word_in(Address::new(DataTable::Coil, 2), &[0, 1]),
+            Some(1)
+        );
         assert_eq!(
             (coil.to_string(), Address::holding(0x2100).to_string()),
             ("coil 0x0003".into(), "0x2100".into())

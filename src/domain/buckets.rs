@@ -2,12 +2,12 @@
 
 /// A division of numbers into buckets, with the same count of buckets in each octave.
 #[derive(Clone, Copy, Debug)]
-pub struct Buckets {
+pub struct BucketDivision {
     sub_bits: u32,
     top_bits: u32,
 }
 
-impl Buckets {
+impl BucketDivision {
     /// 2 to the power of `sub_bits` buckets for each octave, for numbers of `top_bits` bits. A bucket is at most
     /// 1 / 2^`sub_bits` as wide as its numbers.
     #[must_use]
@@ -54,7 +54,7 @@ mod tests {
     #[test]
     fn buckets_are_contiguous_and_hold_their_ends() {
         for (sub_bits, top_bits) in [(4, 27), (5, 36)] {
-            let buckets = Buckets::new(sub_bits, top_bits);
+            let buckets = BucketDivision::new(sub_bits, top_bits);
             assert_eq!(buckets.place(buckets.number_max()), buckets.count() - 1);
             for at in 0..buckets.count() {
                 let end = buckets.upper_end(at);

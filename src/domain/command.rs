@@ -45,7 +45,7 @@ pub enum Order {
     /// Reset a trip. It never carries a run order.
     Reset,
     /// Registers, then the setpoint, then run.
-    Go(Go),
+    Go(GoOrder),
     /// Hand control back to the panel or terminals. A closed terminal may then start the motor.
     Release,
     /// Set what the drive needs before it obeys the bus: the registers at these addresses, each to the word that its
@@ -75,14 +75,14 @@ impl Order {
 
 /// An order that sets something: it has at least one part.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Go {
+pub struct GoOrder {
     registers: Vec<RegisterWrite>,
     frequency: Option<Hertz>,
     run: Option<Direction>,
     toward: Option<Direction>,
 }
 
-impl Go {
+impl GoOrder {
     /// Maximum number of registers in one order. Each part may need a frame of its own, so a setpoint and RUN leave
     /// room for fewer.
     pub const REGISTERS_MAX: usize = FRAMES_MAX;
@@ -239,7 +239,7 @@ impl Rights {
 
 /// How a client repeats its orders.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Manner {
+pub enum OrderManner {
     /// Registers and coils that controllers write cyclically: an order acts when it changes something.
     Cyclic,
     /// Messages: each is sent to the drive once, even if it changes nothing.
@@ -254,7 +254,7 @@ pub struct Origin {
     /// What the client may do.
     pub rights: Rights,
     /// How its orders repeat.
-    pub manner: Manner,
+    pub manner: OrderManner,
 }
 
 /// One command.
@@ -404,7 +404,7 @@ impl Outcome {
 
     /// The word used in results.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Refused => "refused",
             Self::Expired => "expired",
@@ -445,7 +445,7 @@ mod tests {
 
     #[test]
     fn an_order_that_sets_nothing_cannot_be_built() {
-        assert_eq!(Go::new(Vec::new(), None, None), None);
+        assert_eq!(GoOrder::new(Vec::new(), None, None), None);
     }
 
     #[test]
@@ -476,12 +476,18 @@ mod tests {
         let registers = |count| vec![RegisterWrite::new(1_u16, 1); count];
         let setpoint = Some(Hertz::ZERO);
         let run = Some(Direction::Forward);
-        assert!(Go::new(registers(Go::REGISTERS_MAX), None, None).is_some());
-        assert!(Go::new(registers(Go::REGISTERS_MAX - 2), setpoint, run).is_some());
-        assert_eq!(Go::new(registers(Go::REGISTERS_MAX + 1), None, None), None);
-        assert_eq!(Go::new(registers(Go::REGISTERS_MAX), None, run), None);
+        assert!(GoOrder::new(registers(GoOrder::REGISTERS_MAX), None, None).is_some());
+        assert!(GoOrder::new(registers(GoOrder::REGISTERS_MAX - 2), setpoint, run).is_some());
         assert_eq!(
-            Go::new(registers(Go::REGISTERS_MAX - 1), setpoint, run),
+            GoOrder::new(registers(GoOrder::REGISTERS_MAX + 1), None, None),
+            None
+        );
+        assert_eq!(
+            GoOrder::new(registers(GoOrder::REGISTERS_MAX), None, run),
+            None
+        );
+        assert_eq!(
+            GoOrder::new(registers(GoOrder::REGISTERS_MAX - 1), setpoint, run),
             None
         );
     }

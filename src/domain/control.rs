@@ -20,7 +20,7 @@ pub enum FailSafe {
 impl FailSafe {
     /// The word used in the configuration.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Stop => "stop",
             Self::Coast => "coast",
@@ -42,7 +42,7 @@ pub enum OnOutputOutside {
 impl OnOutputOutside {
     /// The word used in the configuration.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Alarm => "alarm",
             Self::Stop => "stop",
@@ -65,7 +65,7 @@ pub enum BusFunctions {
 impl BusFunctions {
     /// The word used in the configuration.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Both => "both",
             Self::Frequency => "frequency",
@@ -113,7 +113,7 @@ impl ControlAction {
 
     /// The word used in the configuration.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Basic => "basic",
             Self::Reverse => "reverse",

@@ -5,7 +5,7 @@ use super::time::MonoTime;
 
 /// Why a declared action runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Cause {
+pub enum FailSafeCause {
     /// The client stopped responding.
     CommanderLost,
     /// The drive could not be reached while its client was there: its renewals could not be accepted.
@@ -24,7 +24,7 @@ pub enum Cause {
     OutputOutside,
 }
 
-impl Cause {
+impl FailSafeCause {
     /// All of them.
     pub const ALL: [Self; 8] = [
         Self::CommanderLost,
@@ -39,7 +39,7 @@ impl Cause {
 
     /// The word used in the journal.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::CommanderLost => "commander_lost",
             Self::OutOfReach => "out_of_reach",
@@ -86,7 +86,7 @@ impl FailSafeStage {
 
     /// The word in documents.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Due => "due",
             Self::Sent => "sent",
@@ -107,7 +107,7 @@ pub struct FailSafeRun {
     /// What is declared.
     pub action: FailSafe,
     /// Why it runs.
-    pub cause: Cause,
+    pub cause: FailSafeCause,
     /// How far it has come.
     pub stage: FailSafeStage,
     /// When it fell due.
@@ -117,7 +117,7 @@ pub struct FailSafeRun {
 impl FailSafeRun {
     /// The `action` falls due at `at`.
     #[must_use]
-    pub fn due(action: FailSafe, cause: Cause, at: MonoTime) -> Self {
+    pub fn due(action: FailSafe, cause: FailSafeCause, at: MonoTime) -> Self {
         let stage = if action == FailSafe::Hold {
             FailSafeStage::Effective
         } else {
@@ -166,7 +166,7 @@ mod tests {
 
     #[test]
     fn it_is_called_by_the_stage_that_it_has_reached() {
-        let due = || FailSafeRun::due(FailSafe::Stop, Cause::CommanderLost, MonoTime::ZERO);
+        let due = || FailSafeRun::due(FailSafe::Stop, FailSafeCause::CommanderLost, MonoTime::ZERO);
         let mut run = due();
         assert_eq!(run.stage, FailSafeStage::Due);
         assert!(run.was_sent() && !run.was_sent());
@@ -183,7 +183,7 @@ mod tests {
         let mut given_up = due();
         assert!(given_up.was_given_up() && !given_up.was_sent());
         assert_eq!(
-            FailSafeRun::due(FailSafe::Hold, Cause::CommanderLost, MonoTime::ZERO).stage,
+            FailSafeRun::due(FailSafe::Hold, FailSafeCause::CommanderLost, MonoTime::ZERO).stage,
             FailSafeStage::Effective
         );
     }

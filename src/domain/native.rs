@@ -86,7 +86,7 @@ pub enum NativeOutcome {
         reason: Reason,
     },
     /// Nothing was sent.
-    Refused(Refusal),
+    Refused(NativeRefusal),
     /// The drive did not answer, or only with damaged frames.
     NoReply,
     /// The asker's deadline passed before the drive was asked.
@@ -105,12 +105,12 @@ impl NativeOutcome {
                 ..Report::new(Outcome::Failed, *reason)
             },
             Self::Refused(refusal) => Report::refused(match refusal {
-                Refusal::NoSuchUnit => Reason::UnknownDrive,
-                Refusal::Guard(reason) => *reason,
-                Refusal::TooManyFrames => Reason::TooManyFrames,
-                Refusal::QueueFull => Reason::QueueFull,
-                Refusal::LineDown => Reason::LineDown,
-                Refusal::Standby => Reason::Standby,
+                NativeRefusal::NoSuchUnit => Reason::UnknownDrive,
+                NativeRefusal::Guard(reason) => *reason,
+                NativeRefusal::TooManyFrames => Reason::TooManyFrames,
+                NativeRefusal::QueueFull => Reason::QueueFull,
+                NativeRefusal::LineDown => Reason::LineDown,
+                NativeRefusal::Standby => Reason::Standby,
             }),
             Self::Expired => Report::new(Outcome::Expired, Reason::TooLate),
             Self::Superseded => Report::new(Outcome::Superseded, Reason::Newer),
@@ -123,7 +123,7 @@ impl NativeOutcome {
 
 /// Why a request was refused before anything was sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, thiserror::Error)]
-pub enum Refusal {
+pub enum NativeRefusal {
     /// No drive has this unit.
     #[error("no drive has this unit")]
     NoSuchUnit,

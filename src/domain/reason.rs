@@ -15,7 +15,7 @@ macro_rules! reasons {
 
             /// The word used in results.
             #[must_use]
-            pub const fn word(self) -> &'static str {
+            pub const fn keyword(self) -> &'static str {
                 match self {
                     $(Self::$name => $word,)*
                 }
@@ -193,7 +193,7 @@ mod tests {
             assert_eq!(reason.number(), index, "numbers follow each other");
         }
         let words: std::collections::BTreeSet<_> =
-            Reason::ALL.iter().map(|reason| reason.word()).collect();
+            Reason::ALL.iter().map(|reason| reason.keyword()).collect();
         assert_eq!(words.len(), Reason::ALL.len());
     }
 }

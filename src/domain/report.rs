@@ -2,7 +2,7 @@
 
 use super::counts::{CommandCounts, DamageCounts, ExchangeCounts, ReplyCounts};
 use super::standby::StandbyReport;
-use super::suspicion::Suspicion;
+use super::suspicion::LineSuspicion;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -58,7 +58,7 @@ impl LineFault {
 
     /// The machine-readable name.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Gone => "gone",
             Self::Failed => "failed",
@@ -91,7 +91,7 @@ pub struct LineReport {
     /// How good it is.
     pub quality: LineQuality,
     /// What is probably wrong with it.
-    pub suspicion: Option<Suspicion>,
+    pub suspicion: Option<LineSuspicion>,
     /// What is waiting to be sent.
     pub waiting: LineWaiting,
     /// Its role among several gateways; `None` if it is the only one.

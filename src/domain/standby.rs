@@ -35,7 +35,7 @@ impl LineRole {
 
     /// The machine-readable word.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Listening => "listening",
             Self::Active => "active",
@@ -62,7 +62,7 @@ impl OnGatewayLost {
 
     /// The word used in the configuration.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Stop => "stop",
             Self::Coast => "coast",

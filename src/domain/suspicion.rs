@@ -5,7 +5,7 @@ use super::traffic::HeardFrame;
 
 /// One suspicion. `Display` gives a text for people.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, thiserror::Error)]
-pub enum Suspicion {
+pub enum LineSuspicion {
     /// Nothing is received from any drive.
     #[error(
         "nothing received from any drive: check the power, the wiring (A and B swapped?), speed, parity and the \
@@ -88,7 +88,7 @@ pub enum Suspicion {
     Jam,
 }
 
-impl Suspicion {
+impl LineSuspicion {
     /// The station that it concerns, if it is one.
     #[must_use]
     pub const fn station(self) -> Option<Station> {
@@ -104,7 +104,7 @@ impl Suspicion {
 
     /// The machine-readable name.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::NothingHeard => "nothing_heard",
             Self::ServerSilent => "server_silent",

@@ -10,7 +10,7 @@ pub struct TrafficRecord {
     /// What it was.
     pub kind: TrafficKind,
     /// Why we sent it; `None` for received data.
-    pub why: Option<Why>,
+    pub why: Option<FramePurpose>,
     /// The bytes.
     pub bytes: Vec<u8>,
     /// Begin: for our own frames when they were handed to the port, for anything else the latest possible begin.
@@ -53,7 +53,7 @@ pub enum TrafficKind {
 
 /// Why a frame of ours was sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Why {
+pub enum FramePurpose {
     /// A client asked for registers of the drive by their addresses.
     Client,
     /// The poll plan.
@@ -72,10 +72,10 @@ pub enum Why {
     Probe,
 }
 
-impl Why {
+impl FramePurpose {
     /// The word used in documents.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Client => "client",
             Self::Poll => "poll",
@@ -92,7 +92,7 @@ impl Why {
 impl TrafficKind {
     /// The word used in documents.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Request => "request",
             Self::Echo => "echo",

@@ -2,33 +2,33 @@
 
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{Model, Register, Role};
+use crate::profile::model::{Model, Register, RegisterRole};
 use std::time::Duration;
 
 /// The words of the registers on which the frequencies of one drive depend.
 #[derive(Clone, Debug, Default)]
-pub struct Bases {
-    known: Vec<(Address, Option<Known>)>,
+pub struct FrequencyBases {
+    known: Vec<(Address, Option<KnownBasis>)>,
     /// The age from which they are stale; `None` for never.
     limit: Option<Duration>,
 }
 
 /// What a register on which frequencies depend held last.
 #[derive(Clone, Copy, Debug)]
-struct Known {
+struct KnownBasis {
     word: u16,
     at: MonoTime,
     /// No other word was read since the drive came back, or this one was read again.
     is_settled: bool,
 }
 
-impl Bases {
+impl FrequencyBases {
     /// The bases of a drive of `model`, none of which is known. There are none on most models.
     #[must_use]
     pub fn of(model: &Model) -> Self {
-        let output = model.register_for(Role::OutputFrequency);
+        let output = model.register_for(RegisterRole::OutputFrequency);
         let registers = [
-            model.register_for(Role::FrequencyCommand),
+            model.register_for(RegisterRole::FrequencyCommand),
             model.setting_register(),
             output,
         ];
@@ -56,7 +56,7 @@ impl Bases {
                 continue;
             };
             let is_settled = known.is_none_or(|last| last.word == word);
-            *known = Some(Known {
+            *known = Some(KnownBasis {
                 word,
                 at,
                 is_settled,
@@ -85,7 +85,7 @@ impl Bases {
     /// Whether all that `register` depends on is known at `now`, not stale, and not in the course of a change.
     #[must_use]
     pub fn are_sure(&self, register: &Register, now: MonoTime) -> bool {
-        let is_sure = |known: Known| {
+        let is_sure = |known: KnownBasis| {
             known.is_settled && self.limit.is_none_or(|limit| now.since(known.at) < limit)
         };
         register
@@ -94,7 +94,7 @@ impl Bases {
             .all(|address| self.find(address).is_some_and(is_sure))
     }
 
-    fn find(&self, address: Address) -> Option<Known> {
+    fn find(&self, address: Address) -> Option<KnownBasis> {
         self.known.iter().find(|(it, _)| *it == address)?.1
     }
 }
@@ -106,12 +106,13 @@ mod tests {
     #[test]
     fn a_change_is_believed_when_it_was_read_twice() {
         let address = Address::holding(0x0010);
-        let mut bases = Bases {
+        let mut bases = FrequencyBases {
             known: vec![(address, None)],
             limit: None,
         };
         let at = MonoTime::from_millis;
-        let settled = |bases: &Bases| bases.find(address).is_some_and(|known| known.is_settled);
+        let settled =
+            |bases: &FrequencyBases| bases.find(address).is_some_and(|known| known.is_settled);
         assert_eq!((bases.word(address), settled(&bases)), (None, false));
         assert_eq!(bases.take(0x000F_u16.into(), &[1, 5000], at(1)), None);
         assert_eq!((bases.word(address), settled(&bases)), (Some(5000), true));

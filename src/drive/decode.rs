@@ -1,10 +1,10 @@
 //! Decodes a write to a drive's own registers into an order, so that every way to run a motor is reviewed as such.
 
-use super::bases::Bases;
+use super::bases::FrequencyBases;
 use crate::domain::address::Address;
-use crate::domain::command::{Direction, Go, Order, Reason, RegisterWrite};
+use crate::domain::command::{Direction, GoOrder, Order, Reason, RegisterWrite};
 use crate::domain::frequency::Hertz;
-use crate::profile::model::{Model, OrderKind, OrderedWord, Register, Role};
+use crate::profile::model::{Model, OrderKind, OrderedWord, Register, RegisterRole};
 
 /// The meaning of one word of a write.
 enum DecodedPart {
@@ -34,7 +34,7 @@ enum RunPart {
 /// exactly one known command, [`Reason::OutsideRange`] for a word that the register does not take,
 /// [`Reason::HalfAValue`] for one word of two, [`Reason::Conflict`] for parts that exclude each other.
 pub fn order(model: &Model, address: Address, values: &[u16]) -> Result<Order, Reason> {
-    order_on(model, &Bases::default(), address, values)
+    order_on(model, &FrequencyBases::default(), address, values)
 }
 
 /// The order in a write of `values` from `address` on, for a drive whose frequencies are fractions of `bases`. A stop
@@ -44,7 +44,7 @@ pub fn order(model: &Model, address: Address, values: &[u16]) -> Result<Order, R
 /// As for [`order`]; also [`Reason::FullScaleUnknown`].
 pub fn order_on(
     model: &Model,
-    bases: &Bases,
+    bases: &FrequencyBases,
     address: Address,
     values: &[u16],
 ) -> Result<Order, Reason> {
@@ -123,7 +123,12 @@ pub fn register(model: &Model, write: RegisterWrite) -> Result<(), Reason> {
         .filter(|register| register.form.pair.is_some());
     let part = match (of_two, write.second) {
         (Some(register), Some(second)) => pair(register, [write.value, second])?,
-        (None, None) => part(model, &Bases::default(), write.address, write.value)?,
+        (None, None) => part(
+            model,
+            &FrequencyBases::default(),
+            write.address,
+            write.value,
+        )?,
         (Some(_), None) | (None, Some(_)) => return Err(Reason::HalfAValue),
     };
     match part {
@@ -139,12 +144,17 @@ fn go(
     frequency: Option<Hertz>,
     run: Option<Direction>,
 ) -> Result<Order, Reason> {
-    Go::new(registers, frequency, run)
+    GoOrder::new(registers, frequency, run)
         .map(Order::Go)
         .ok_or(Reason::TooManyFrames)
 }
 
-fn part(model: &Model, bases: &Bases, address: Address, value: u16) -> Result<DecodedPart, Reason> {
+fn part(
+    model: &Model,
+    bases: &FrequencyBases,
+    address: Address,
+    value: u16,
+) -> Result<DecodedPart, Reason> {
     if model.second_word_at(address).is_some() {
         return Err(Reason::HalfAValue);
     }
@@ -160,14 +170,14 @@ fn part(model: &Model, bases: &Bases, address: Address, value: u16) -> Result<De
         _ if register.back_door.is_some() => Err(Reason::NotAllowed),
         _ if register.form.pair.is_some() => Err(Reason::HalfAValue),
         // A setpoint goes to its form in RAM wherever a client writes it.
-        Some(Role::FrequencyCommand) if model.ram_form(register) == Some(address) => Ok(
+        Some(RegisterRole::FrequencyCommand) if model.ram_form(register) == Some(address) => Ok(
             DecodedPart::Frequency(signed_frequency(model, register, bases, value)),
         ),
         Some(role) if is_twin && role.is_guarded() => Err(Reason::NotAllowed),
-        Some(Role::RunCommand | Role::Order) => {
+        Some(RegisterRole::RunCommand | RegisterRole::Order) => {
             order_part(model, register.address, value).ok_or(Reason::NotUnderstood)
         }
-        Some(Role::FrequencyCommand) => Ok(DecodedPart::Frequency(signed_frequency(
+        Some(RegisterRole::FrequencyCommand) => Ok(DecodedPart::Frequency(signed_frequency(
             model, register, bases, value,
         ))),
         Some(role) if role.is_guarded() => Err(Reason::NotAllowed),
@@ -180,7 +190,7 @@ fn part(model: &Model, bases: &Bases, address: Address, value: u16) -> Result<De
 fn signed_frequency(
     model: &Model,
     register: &Register,
-    bases: &Bases,
+    bases: &FrequencyBases,
     value: u16,
 ) -> Result<(Hertz, Option<Direction>), Reason> {
     if !model.turns_by_sign() {
@@ -199,7 +209,7 @@ fn signed_frequency(
 }
 
 /// The frequency that `value` orders. It must lead back to the same word, so that what is sent is what was written.
-fn frequency(register: &Register, bases: &Bases, value: u16) -> Result<Hertz, Reason> {
+fn frequency(register: &Register, bases: &FrequencyBases, value: u16) -> Result<Hertz, Reason> {
     if register.is_exact() && !register.signed {
         return Ok(Hertz::from_word(value, register.scale));
     }
@@ -227,7 +237,7 @@ fn frequency(register: &Register, bases: &Bases, value: u16) -> Result<Hertz, Re
 fn pair(register: &Register, words: [u16; 2]) -> Result<DecodedPart, Reason> {
     match register.role {
         _ if register.back_door.is_some() => Err(Reason::NotAllowed),
-        Some(Role::FrequencyCommand) => Ok(DecodedPart::Frequency(Ok((
+        Some(RegisterRole::FrequencyCommand) => Ok(DecodedPart::Frequency(Ok((
             frequency_of_pair(register, words)?,
             None,
         )))),
@@ -334,7 +344,7 @@ mod tests {
     use crate::drive::testing::model;
 
     fn run(direction: Direction) -> Order {
-        Order::Go(Go::new(Vec::new(), None, Some(direction)).unwrap())
+        Order::Go(GoOrder::new(Vec::new(), None, Some(direction)).unwrap())
     }
 
     #[test]
@@ -361,12 +371,12 @@ mod tests {
     #[test]
     fn registers_and_back_doors_are_distinguished() {
         let model = model();
-        let setpoint = Go::new(Vec::new(), Some(Hertz::from_centihertz(6000)), None).unwrap();
+        let setpoint = GoOrder::new(Vec::new(), Some(Hertz::from_centihertz(6000)), None).unwrap();
         assert_eq!(
             order(&model, 0x0004_u16.into(), &[6000]),
             Ok(Order::Go(setpoint))
         );
-        let ramp = Go::new(vec![RegisterWrite::new(0x020C_u16, 100)], None, None).unwrap();
+        let ramp = GoOrder::new(vec![RegisterWrite::new(0x020C_u16, 100)], None, None).unwrap();
         assert_eq!(
             order(&model, 0x020C_u16.into(), &[100]),
             Ok(Order::Go(ramp))
@@ -403,7 +413,7 @@ mod tests {
         for register in model
             .registers
             .iter_mut()
-            .filter(|it| it.role == Some(Role::FrequencyCommand))
+            .filter(|it| it.role == Some(RegisterRole::FrequencyCommand))
         {
             register.address = 0x0003_u16.into();
             register.signed = true;
@@ -411,7 +421,7 @@ mod tests {
         }
         model.registers.sort_by_key(|it| it.address);
         let go = |run, toward| {
-            let go = Go::new(Vec::new(), Some(Hertz::from_centihertz(3000)), run).unwrap();
+            let go = GoOrder::new(Vec::new(), Some(Hertz::from_centihertz(3000)), run).unwrap();
             Ok(Order::Go(go.with_sign(toward)))
         };
         let (forward, reverse) = (Direction::Forward, Direction::Reverse);
@@ -437,7 +447,7 @@ mod tests {
                 setpoint: Some(Hertz::from_centihertz(3000))
             })
         );
-        let zero = Go::new(Vec::new(), Some(Hertz::ZERO), None).unwrap();
+        let zero = GoOrder::new(Vec::new(), Some(Hertz::ZERO), None).unwrap();
         assert_eq!(at(3, &[0]), Ok(Order::Go(zero)));
     }
 
@@ -451,7 +461,7 @@ mod tests {
             "the model has no twins"
         );
         model.quirks.stored_alias_bit = Some(exists);
-        let ramp = Go::new(vec![RegisterWrite::new(0x820C_u16, 100)], None, None).unwrap();
+        let ramp = GoOrder::new(vec![RegisterWrite::new(0x820C_u16, 100)], None, None).unwrap();
         assert_eq!(
             order(&model, 0x820C_u16.into(), &[100]),
             Ok(Order::Go(ramp))

@@ -1,6 +1,6 @@
 //! The constant properties of a drive while the gateway runs: names, units, model, limits.
 
-use super::plan::Pace;
+use super::plan::PollPace;
 use super::snapshot::{DriveSnapshot, ValueReading};
 use crate::domain::address::Address;
 use crate::domain::control::{BusFunctions, ControlSettings};
@@ -24,7 +24,7 @@ pub struct DriveRef {
 
 /// Rated values of one drive, from its nameplate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Ratings {
+pub struct DriveRatings {
     /// Rated current in mA; `None` if not stated.
     pub current_ma: Option<u32>,
     /// Rated voltage in mV; `None` if not stated.
@@ -33,7 +33,7 @@ pub struct Ratings {
 
 /// How the polled registers of a drive are published, by register name.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Points {
+pub struct PointSettings {
     /// Smallest change that is published, in the register's unit; one step for registers not listed.
     pub dead_bands: Vec<(String, f64)>,
     /// After this time an unchanged value is published again; the general heartbeat applies to registers not listed.
@@ -42,7 +42,7 @@ pub struct Points {
     pub decimals: Vec<(String, u8)>,
 }
 
-impl Points {
+impl PointSettings {
     /// Digits after the decimal point with which `register` is published; `None` for all that it has.
     #[must_use]
     pub fn decimals_of(&self, register: &Register) -> Option<u8> {
@@ -55,13 +55,13 @@ impl Points {
 
 /// How long a value is fresh.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Freshness {
+pub struct FreshnessLimits {
     own: Duration,
     /// Address and stale time of each register on which the value depends.
     bases: Vec<(Address, Duration)>,
 }
 
-impl Freshness {
+impl FreshnessLimits {
     /// When the value of `register` grows stale; `None` if there is none.
     #[must_use]
     pub fn ends_at(&self, register: &Register, snapshot: &DriveSnapshot) -> Option<MonoTime> {
@@ -100,13 +100,13 @@ pub struct DriveDescription {
     /// The group in which the page shows it.
     pub group: Option<Name>,
     /// How often it is polled.
-    pub pace: Pace,
+    pub pace: PollPace,
     /// Its rated values, where the model reports in per cent of them.
-    pub ratings: Ratings,
+    pub ratings: DriveRatings,
     /// What may be commanded; `None` if the drive is read-only.
     pub control: Option<Arc<ControlSettings>>,
     /// How its polled registers are published.
-    pub points: Points,
+    pub points: PointSettings,
 }
 
 impl DriveDescription {
@@ -144,10 +144,10 @@ impl DriveDescription {
 
     /// How long the value of `register` is fresh, for those who ask again and again; `None` if it is not polled.
     #[must_use]
-    pub fn freshness(&self, register: &Register) -> Option<Freshness> {
+    pub fn freshness(&self, register: &Register) -> Option<FreshnessLimits> {
         let basis = |address| Some((address, self.basis_stale_after(address)?));
         let bases = register.form.bases().map(basis).collect::<Option<_>>()?;
-        Some(Freshness {
+        Some(FreshnessLimits {
             own: self.stale_after(register)?,
             bases,
         })

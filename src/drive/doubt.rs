@@ -3,7 +3,7 @@
 use super::snapshot::DriveSnapshot;
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{Model, PollClass, Role};
+use crate::profile::model::{Model, PollClass, RegisterRole};
 use std::time::Duration;
 
 /// A counter that has fallen is believed after it has stayed there for so long.
@@ -19,13 +19,13 @@ const BLOCKS_MAX: usize = 64;
 
 /// Watches a counter that only rises, unless it is cleared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct FallWatch {
-    fall: Option<Fall>,
+pub struct CounterFallWatch {
+    fall: Option<CounterFall>,
 }
 
 /// A counter that reads lower than before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Fall {
+struct CounterFall {
     from: u64,
     /// The lowest value since.
     to: u64,
@@ -34,7 +34,7 @@ struct Fall {
     is_believed: bool,
 }
 
-impl FallWatch {
+impl CounterFallWatch {
     /// What `value`, read at `at`, is to be compared with, where `known` was believed last; `None`: nothing follows from it
     /// yet, because it is lower.
     pub fn base(&mut self, value: u64, known: u64, at: MonoTime) -> Option<u64> {
@@ -64,7 +64,7 @@ impl FallWatch {
             return None;
         }
         let is_believed = at.since(fall.at) >= FALL_HOLDS;
-        self.fall = Some(Fall {
+        self.fall = Some(CounterFall {
             is_believed,
             ..fall
         });
@@ -72,7 +72,7 @@ impl FallWatch {
     }
 
     const fn begins(&mut self, from: u64, to: u64, at: MonoTime) {
-        self.fall = Some(Fall {
+        self.fall = Some(CounterFall {
             from,
             to,
             at,
@@ -96,12 +96,12 @@ impl FallWatch {
 /// Watches for blocks that read as zeros or as ones where there were values.
 #[derive(Clone, Debug, Default)]
 pub struct BlankWatch {
-    doubted: Vec<Doubted>,
+    doubted: Vec<DoubtedBlock>,
 }
 
 /// A block that is doubted.
 #[derive(Clone, Copy, Debug)]
-struct Doubted {
+struct DoubtedBlock {
     first: Address,
     count: usize,
     /// What each of its registers read.
@@ -110,7 +110,7 @@ struct Doubted {
     since: MonoTime,
 }
 
-impl Doubted {
+impl DoubtedBlock {
     /// Whether all registers of a read of `count` words from `address` on lie in it.
     fn holds(&self, address: Address, count: usize) -> bool {
         let offset = address.offset_from(self.first).map(usize::from);
@@ -148,8 +148,9 @@ impl BlankWatch {
                 is_other && (blank != 0 || is_never_zero(model, it))
             })
         };
-        let is_over =
-            |it: &Doubted| at.since(it.since) >= DOUBT_LASTS || it.is_disproved(address, words);
+        let is_over = |it: &DoubtedBlock| {
+            at.since(it.since) >= DOUBT_LASTS || it.is_disproved(address, words)
+        };
         self.doubted.retain(|it| !is_over(it));
         let Some(blank) = blank.filter(|blank| had_values(*blank)) else {
             self.doubted.retain(|it| it.first != address);
@@ -163,7 +164,7 @@ impl BlankWatch {
             Some(known) => at.since(known.since) < READ_AGAIN_AFTER,
             None if self.doubted.len() >= BLOCKS_MAX => false,
             None => {
-                self.doubted.push(Doubted {
+                self.doubted.push(DoubtedBlock {
                     first: address,
                     count: words.len(),
                     word: blank,
@@ -181,10 +182,13 @@ const fn is_blank(word: u16) -> bool {
 
 /// Whether a register that held a value does not come to 0 by itself, as one that measures the motor does.
 fn is_never_zero(model: &Model, address: Address) -> bool {
-    let lasts = |role: Option<Role>, poll: Option<PollClass>| match role {
+    let lasts = |role: Option<RegisterRole>, poll: Option<PollClass>| match role {
         Some(role) => matches!(
             role,
-            Role::DcLinkVoltage | Role::RunHours | Role::Energy | Role::TripCount
+            RegisterRole::DcLinkVoltage
+                | RegisterRole::RunHours
+                | RegisterRole::Energy
+                | RegisterRole::TripCount
         ),
         None => matches!(poll, Some(PollClass::Minutely | PollClass::Hourly)),
     };
@@ -205,7 +209,7 @@ mod tests {
 
     #[test]
     fn a_fall_is_believed_when_it_has_held() {
-        let mut watch = FallWatch::default();
+        let mut watch = CounterFallWatch::default();
         assert_eq!(watch.base(5, 5, at(0)), Some(5));
         for second in 1..11 {
             assert_eq!(watch.base(0, 5, at(second)), None, "{second}");
@@ -221,7 +225,7 @@ mod tests {
     #[test]
     fn what_is_back_within_a_minute_was_never_lower() {
         for back_after in [2, 9, 15, 59] {
-            let mut watch = FallWatch::default();
+            let mut watch = CounterFallWatch::default();
             let mut known = 5;
             for second in 1..=back_after {
                 known = watch.base(0, known, at(second)).unwrap_or(known);
@@ -233,7 +237,7 @@ mod tests {
             );
             assert!(!watch.has_fallen());
         }
-        let mut watch = FallWatch::default();
+        let mut watch = CounterFallWatch::default();
         let mut known = 5;
         for second in 1..=70 {
             known = watch.base(0, known, at(second)).unwrap_or(known);
@@ -247,7 +251,7 @@ mod tests {
 
     #[test]
     fn a_fall_that_goes_on_begins_again() {
-        let mut watch = FallWatch::default();
+        let mut watch = CounterFallWatch::default();
         assert_eq!(watch.base(4, 9, at(0)), None);
         assert_eq!(watch.base(2, 9, at(9)), None);
         assert_eq!(watch.base(2, 9, at(12)), None, "held for 3 s");
@@ -257,8 +261,11 @@ mod tests {
     #[test]
     fn a_block_of_zeros_or_ones_where_there_were_values_is_read_again() {
         let model = model();
-        let count = model.register_for(Role::TripCount).unwrap().address;
-        let output = model.register_for(Role::OutputFrequency).unwrap().address;
+        let count = model.register_for(RegisterRole::TripCount).unwrap().address;
+        let output = model
+            .register_for(RegisterRole::OutputFrequency)
+            .unwrap()
+            .address;
         let mut snapshot = DriveSnapshot::default();
         snapshot.take(count, &[5, 0], at(0));
         snapshot.take(output, &[3000, 0], at(0));

@@ -1,9 +1,9 @@
 //! The register that shows the output frequency, as the gateway watches it: a magnitude in steps, and a sign.
 
-use super::bases::Bases;
+use super::bases::FrequencyBases;
 use crate::domain::address::Address;
 use crate::domain::frequency::Hertz;
-use crate::profile::model::{FactPart, Model, Register, Role};
+use crate::profile::model::{FactPart, Model, Register, RegisterRole};
 
 /// Steps per hertz in which an output of two words is watched.
 const PAIR_SCALE: u32 = 100;
@@ -23,13 +23,13 @@ impl OutputRegister {
     #[must_use]
     pub fn of(model: &Model) -> Option<Self> {
         let command = model
-            .register_for(Role::FrequencyCommand)
+            .register_for(RegisterRole::FrequencyCommand)
             .filter(|it| it.is_exact());
         let range =
             command.and_then(|it| it.magnitude((*it.range.as_ref()?.end()).into(), |_| None));
         let range = range.unwrap_or(RANGE_UNSTATED);
         model
-            .register_for(Role::OutputFrequency)
+            .register_for(RegisterRole::OutputFrequency)
             .cloned()
             .map(|register| {
                 // What its steps are, another register says.
@@ -82,7 +82,7 @@ impl OutputRegister {
 
     /// The steps of a hertz.
     #[must_use]
-    pub fn steps_per_hertz(&self, bases: &Bases) -> u32 {
+    pub fn steps_per_hertz(&self, bases: &FrequencyBases) -> u32 {
         if self.register.form.pair.is_some() {
             return PAIR_SCALE;
         }
@@ -109,7 +109,7 @@ impl OutputRegister {
 
     /// The frequency of a magnitude; `None` if its full scale is not known.
     #[must_use]
-    pub fn frequency(&self, steps: u16, bases: &Bases) -> Option<Hertz> {
+    pub fn frequency(&self, steps: u16, bases: &FrequencyBases) -> Option<Hertz> {
         if self.register.form.pair.is_some() {
             return Some(Hertz::from_word(steps, PAIR_SCALE));
         }

@@ -11,7 +11,7 @@ mod refresh;
 #[cfg(test)]
 mod tests;
 
-pub use groups::{HOLE_MAX, Pace, PollGroup, SLOW_FACTOR, groups};
+pub use groups::{HOLE_MAX, PollGroup, PollPace, SLOW_FACTOR, groups};
 pub use phases::PlaceOnLine;
 pub use refresh::{Read, full_refresh, shortest_refresh};
 
@@ -33,13 +33,13 @@ const SOON: Duration = Duration::from_secs(10);
 
 /// Counts failed reads.
 #[derive(Clone, Copy, Debug, Default)]
-struct Vain {
+struct VainReads {
     times: u8,
     /// The drive's answers at the last failure.
     at: u64,
 }
 
-impl Vain {
+impl VainReads {
     /// Counts a failure; returns whether that is enough. A drive that answers nothing at all proves nothing.
     const fn again(&mut self, answers: u64) -> bool {
         if self.at < answers {
@@ -52,7 +52,7 @@ impl Vain {
 
 /// One group, without holes, with its times.
 #[derive(Clone, Copy, Debug)]
-struct Entry {
+struct PlanEntry {
     group: PollGroup,
     /// A moment at which it falls due once it runs regularly.
     regular: MonoTime,
@@ -60,7 +60,7 @@ struct Entry {
     /// Whether the drive is known to answer for it: documents of the model say so, or it has done so.
     is_trusted: bool,
     was_sent: bool,
-    vain: Vain,
+    vain: VainReads,
     /// It is part of a block that was refused, and is asked by itself until the drive has answered for it.
     is_apart: bool,
     /// The code with which the drive refuses its only register: it is rarely polled.
@@ -78,12 +78,12 @@ pub struct RefusedRegister {
 
 /// Whether registers between two groups are read along.
 #[derive(Clone, Copy, Debug, Default)]
-struct Bridges {
+struct GroupBridges {
     /// The newest read over a hole.
     last: Option<(Address, u16)>,
     are_answered: bool,
     are_refused: bool,
-    vain: Vain,
+    vain: VainReads,
 }
 
 /// The order of due polls: first by the number of whole periods that they have waited, so that an overloaded line
@@ -93,30 +93,30 @@ pub type Urgency = (Reverse<u64>, PollClass, MonoTime);
 /// The poll groups of one drive with the moments at which they are due.
 #[derive(Debug)]
 pub struct PollPlan {
-    pace: Pace,
+    pace: PollPace,
     /// Answers of the drive so far, to any request.
     answers: u64,
-    bridges: Bridges,
+    bridges: GroupBridges,
     /// The newest poll.
     last: Option<(Address, u16)>,
-    entries: Vec<Entry>,
+    entries: Vec<PlanEntry>,
 }
 
 impl PollPlan {
     /// The plan of a drive of `model`. Everything is due at `start`, so that all values are known soon; after that each
     /// group has a phase of its own, so that the polls of a line do not fall due together.
     #[must_use]
-    pub fn new(model: &Model, pace: Pace, start: MonoTime, place: PlaceOnLine) -> Self {
+    pub fn new(model: &Model, pace: PollPace, start: MonoTime, place: PlaceOnLine) -> Self {
         let groups = apart(model, |a, b| a == b);
         let plain: Vec<PollGroup> = groups.iter().map(|(group, _)| *group).collect();
         let moments = phases::spread(model, &plain, pace, start, place);
-        let entry = |((group, is_trusted), regular)| Entry {
+        let entry = |((group, is_trusted), regular)| PlanEntry {
             group,
             regular,
             due: start,
             is_trusted,
             was_sent: false,
-            vain: Vain::default(),
+            vain: VainReads::default(),
             is_apart: false,
             refused: None,
         };
@@ -124,7 +124,7 @@ impl PollPlan {
         Self {
             pace,
             answers: 1,
-            bridges: Bridges::default(),
+            bridges: GroupBridges::default(),
             last: None,
             entries,
         }
@@ -133,7 +133,7 @@ impl PollPlan {
     /// The port was opened at `now`. Groups never read and fast groups are due at once; all others wait for their
     /// phase, so that they are not all due together.
     pub fn port_opened(&mut self, now: MonoTime) {
-        self.bridges = Bridges::default();
+        self.bridges = GroupBridges::default();
         let pace = self.pace;
         for entry in self.entries.iter_mut().filter(|entry| entry.due < now) {
             if !entry.was_sent || entry.group.class == PollClass::Fast {
@@ -163,7 +163,7 @@ impl PollPlan {
         self.bridges.are_answered |= self.bridges.last == Some((address, count));
         for entry in within(&mut self.entries, address, count) {
             entry.is_trusted = true;
-            entry.vain = Vain::default();
+            entry.vain = VainReads::default();
             entry.is_apart = false;
             entry.refused = None;
         }
@@ -171,7 +171,7 @@ impl PollPlan {
 
     /// The registers that the drive refuses to show.
     pub fn refused_registers(&self) -> impl Iterator<Item = RefusedRegister> + '_ {
-        let refused = |entry: &Entry| {
+        let refused = |entry: &PlanEntry| {
             Some(RefusedRegister {
                 address: entry.group.address,
                 code: entry.refused?,
@@ -250,11 +250,11 @@ impl PollPlan {
         let answers = self.answers;
         let entry = self.entries.get_mut(index)?;
         if let Some((low, high)) = entry.group.halves(model) {
-            let part = |group| Entry {
+            let part = |group| PlanEntry {
                 group,
                 due: now,
                 is_apart: true,
-                vain: Vain::default(),
+                vain: VainReads::default(),
                 ..*entry
             };
             let (low, high) = (part(low), part(high));
@@ -372,7 +372,7 @@ impl PollPlan {
         model: &Model,
         may_go: impl Fn(Address, u16) -> bool,
     ) -> Option<(Address, u16)> {
-        let Entry {
+        let PlanEntry {
             group: mut all,
             is_trusted,
             is_apart,
@@ -407,14 +407,14 @@ impl PollPlan {
                 .iter()
                 .any(|it| it.is_apart && covers(it.group, address))
         };
-        let joined = |entry: &Entry| {
+        let joined = |entry: &PlanEntry| {
             let (address, count, hole) = all.with(&entry.group, model)?;
             let mut between = all.between(&entry.group);
             let may_bridge = !self.bridges.are_refused
                 && between.all(|it| may_be_read_along(model, it) && !is_apart(it));
             ((hole == 0 || may_bridge) && may_go(address, count)).then_some((address, count, hole))
         };
-        let may_join = |entry: &Entry| entry.is_trusted && !entry.is_apart && entry.due <= now;
+        let may_join = |entry: &PlanEntry| entry.is_trusted && !entry.is_apart && entry.due <= now;
         let due = self
             .entries
             .iter()
@@ -445,10 +445,10 @@ impl PollPlan {
     }
 }
 
-impl Entry {
+impl PlanEntry {
     /// Sets the due time to the next one in its phase after `now`. Missed periods are skipped, so that a line that fell
     /// behind does not try to catch up.
-    fn next_regular(&mut self, pace: Pace, now: MonoTime) {
+    fn next_regular(&mut self, pace: PollPace, now: MonoTime) {
         if now >= self.regular {
             let period = self.group.period(pace);
             let missed = now.since(self.regular).as_nanos() / period.as_nanos();
@@ -459,7 +459,11 @@ impl Entry {
 }
 
 /// The entries that lie within `count` words from `address` on.
-fn within(entries: &mut [Entry], address: Address, count: u16) -> impl Iterator<Item = &mut Entry> {
+fn within(
+    entries: &mut [PlanEntry],
+    address: Address,
+    count: u16,
+) -> impl Iterator<Item = &mut PlanEntry> {
     entries
         .iter_mut()
         .filter(move |entry| holds((address, count), entry.group))

@@ -6,7 +6,7 @@ use crate::profile::model::{Model, Register};
 
 /// What was seen of the registers with a range of what is plausible.
 #[derive(Clone, Debug)]
-pub struct Plausibility {
+pub struct RangePlausibility {
     /// Each register with whether its last reading was in its range.
     registers: Vec<(Register, Option<bool>)>,
     /// All registers have been in their ranges since the drive has come into sight.
@@ -15,14 +15,14 @@ pub struct Plausibility {
 
 /// What a reading changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
+pub enum PlausibilityVerdict {
     /// The drive is one of its model.
     Holds,
     /// The drive is not one of its model: this register held this word.
     Fails(Address, u16),
 }
 
-impl Plausibility {
+impl RangePlausibility {
     /// The plausibility of a drive of `model` of which nothing was read; it holds if the model asks for nothing.
     #[must_use]
     pub fn of(model: &Model) -> Self {
@@ -44,7 +44,7 @@ impl Plausibility {
     }
 
     /// Takes the words that were read from `first` on. `None` if they change nothing.
-    pub fn take(&mut self, first: Address, words: &[u16]) -> Option<Verdict> {
+    pub fn take(&mut self, first: Address, words: &[u16]) -> Option<PlausibilityVerdict> {
         if self.holds {
             return None;
         }
@@ -58,13 +58,13 @@ impl Plausibility {
                 (i64::from(*range.start())..=i64::from(*range.end())).contains(&number)
             });
             if !is_in && *seen != Some(false) {
-                failed = Some(Verdict::Fails(register.address, word));
+                failed = Some(PlausibilityVerdict::Fails(register.address, word));
             }
             *seen = Some(is_in);
         }
         self.holds = self.registers.iter().all(|(_, seen)| *seen == Some(true));
         if self.holds {
-            Some(Verdict::Holds)
+            Some(PlausibilityVerdict::Holds)
         } else {
             failed
         }
@@ -83,7 +83,7 @@ mod tests {
     use crate::drive::testing::model;
 
     /// Two registers of the test model, with ranges.
-    fn asked() -> (Plausibility, [Address; 2]) {
+    fn asked() -> (RangePlausibility, [Address; 2]) {
         let mut model = model();
         let readable: Vec<_> = model
             .registers
@@ -96,7 +96,7 @@ mod tests {
             register.signed = false;
             register.plausible = Some(150..=900);
         }
-        (Plausibility::of(&model), [places[0], places[1]])
+        (RangePlausibility::of(&model), [places[0], places[1]])
     }
 
     #[test]
@@ -108,9 +108,12 @@ mod tests {
             None,
             "the other one was not read yet"
         );
-        assert_eq!(it.take(second, &[0]), Some(Verdict::Fails(second, 0)));
+        assert_eq!(
+            it.take(second, &[0]),
+            Some(PlausibilityVerdict::Fails(second, 0))
+        );
         assert_eq!(it.take(second, &[0]), None, "it is told once");
-        assert_eq!(it.take(second, &[150]), Some(Verdict::Holds));
+        assert_eq!(it.take(second, &[150]), Some(PlausibilityVerdict::Holds));
         assert_eq!(
             (it.take(first, &[0]), it.holds()),
             (None, true),
@@ -118,6 +121,6 @@ mod tests {
         );
         it.forget();
         assert!(!it.holds());
-        assert!(Plausibility::of(&model()).holds(), "nothing is asked");
+        assert!(RangePlausibility::of(&model()).holds(), "nothing is asked");
     }
 }

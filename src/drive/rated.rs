@@ -1,28 +1,28 @@
 //! Converts values that a drive reports in per cent of its rated values into physical units.
 
-use super::description::Ratings;
+use super::description::DriveRatings;
 use crate::domain::units::UnitOfMeasure;
-use crate::profile::model::{Register, Role};
-use crate::profile::scale::{Decimal, Scaled};
+use crate::profile::model::{Register, RegisterRole};
+use crate::profile::scale::{Decimal, ScaledValue};
 
 /// The conversion of a register in per cent into amperes or volts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Rated {
+pub struct RatedConversion {
     /// The rated value in thousandths of the unit.
     rated_milli: u32,
     /// The unit.
     pub unit: UnitOfMeasure,
 }
 
-impl Rated {
+impl RatedConversion {
     /// `None` if the register is not in per cent of a rated value, or that value is not stated.
     #[must_use]
-    pub fn of(register: &Register, ratings: &Ratings) -> Option<Self> {
+    pub fn of(register: &Register, ratings: &DriveRatings) -> Option<Self> {
         let (rated_milli, unit) = match (register.role?, register.unit) {
-            (Role::OutputCurrent | Role::TripCurrent, UnitOfMeasure::Percent) => {
+            (RegisterRole::OutputCurrent | RegisterRole::TripCurrent, UnitOfMeasure::Percent) => {
                 (ratings.current_ma?, UnitOfMeasure::Ampere)
             }
-            (Role::OutputVoltage, UnitOfMeasure::Percent) => {
+            (RegisterRole::OutputVoltage, UnitOfMeasure::Percent) => {
                 (ratings.voltage_mv?, UnitOfMeasure::Volt)
             }
             _ => return None,
@@ -32,7 +32,7 @@ impl Rated {
 
     /// `percent` as a fraction: numerator and denominator, in the unit.
     #[must_use]
-    pub fn fraction(self, percent: Scaled) -> (i64, i64) {
+    pub fn fraction(self, percent: ScaledValue) -> (i64, i64) {
         let (raw, scale) = percent.fraction();
         (
             raw.saturating_mul(self.rated_milli.into()),
@@ -42,7 +42,7 @@ impl Rated {
 
     /// `percent` in the unit, with `digits` digits after the decimal point.
     #[must_use]
-    pub fn to_digits(self, percent: Scaled, digits: u8) -> Decimal {
+    pub fn to_digits(self, percent: ScaledValue, digits: u8) -> Decimal {
         let (numerator, denominator) = self.fraction(percent);
         Decimal::nearest(numerator, denominator, digits)
     }
@@ -53,7 +53,7 @@ mod tests {
     use super::*;
     use crate::drive::testing::model;
 
-    fn register(role: Role, unit: UnitOfMeasure) -> Register {
+    fn register(role: RegisterRole, unit: UnitOfMeasure) -> Register {
         Register {
             role: Some(role),
             unit,
@@ -64,13 +64,13 @@ mod tests {
 
     #[test]
     fn per_cent_of_the_rated_value() {
-        let ratings = Ratings {
+        let ratings = DriveRatings {
             current_ma: Some(10_000),
             voltage_mv: Some(400_000),
         };
-        let of = |role, word| Scaled::from_word(word, &register(role, UnitOfMeasure::Percent));
-        let current = Rated::of(
-            &register(Role::OutputCurrent, UnitOfMeasure::Percent),
+        let of = |role, word| ScaledValue::from_word(word, &register(role, UnitOfMeasure::Percent));
+        let current = RatedConversion::of(
+            &register(RegisterRole::OutputCurrent, UnitOfMeasure::Percent),
             &ratings,
         )
         .unwrap();
@@ -78,28 +78,30 @@ mod tests {
         assert_eq!(
             (
                 current
-                    .to_digits(of(Role::OutputCurrent, 0x1A8A), 2)
+                    .to_digits(of(RegisterRole::OutputCurrent, 0x1A8A), 2)
                     .to_string(),
                 current.unit
             ),
             ("6.79".into(), UnitOfMeasure::Ampere)
         );
-        let voltage = Rated::of(
-            &register(Role::OutputVoltage, UnitOfMeasure::Percent),
+        let voltage = RatedConversion::of(
+            &register(RegisterRole::OutputVoltage, UnitOfMeasure::Percent),
             &ratings,
         )
         .unwrap();
         assert_eq!(
             (
                 voltage
-                    .to_digits(of(Role::OutputVoltage, 0x24FD), 2)
+                    .to_digits(of(RegisterRole::OutputVoltage, 0x24FD), 2)
                     .to_string(),
                 voltage.unit
             ),
             ("378.76".into(), UnitOfMeasure::Volt)
         );
         assert_eq!(
-            current.to_digits(of(Role::OutputCurrent, 1), 1).to_string(),
+            current
+                .to_digits(of(RegisterRole::OutputCurrent, 1), 1)
+                .to_string(),
             "0.1",
             "what flows is not shown as nothing"
         );
@@ -109,21 +111,24 @@ mod tests {
     fn what_is_not_stated_is_not_guessed() {
         let percent = |role| register(role, UnitOfMeasure::Percent);
         assert_eq!(
-            Rated::of(&percent(Role::OutputCurrent), &Ratings::default()),
+            RatedConversion::of(
+                &percent(RegisterRole::OutputCurrent),
+                &DriveRatings::default()
+            ),
             None
         );
-        let ratings = Ratings {
+        let ratings = DriveRatings {
             current_ma: Some(1),
             voltage_mv: Some(1),
         };
         assert_eq!(
-            Rated::of(&percent(Role::DcLinkVoltage), &ratings),
+            RatedConversion::of(&percent(RegisterRole::DcLinkVoltage), &ratings),
             None,
             "of what is not documented"
         );
         assert_eq!(
-            Rated::of(
-                &register(Role::OutputCurrent, UnitOfMeasure::Ampere),
+            RatedConversion::of(
+                &register(RegisterRole::OutputCurrent, UnitOfMeasure::Ampere),
                 &ratings
             ),
             None

@@ -1,7 +1,7 @@
 //! What must hold at a drive before an order is sent to it, read first: that it is the drive that the configuration
 //! names, and that its settings are those on which the model's commands and scales rest. A stop waits for none of this.
 
-use super::steps::Step;
+use super::steps::CommandStep;
 use crate::domain::address::Address;
 use crate::domain::command::{Direction, Order, Reason};
 use crate::profile::model::{Model, NeededFor};
@@ -15,9 +15,9 @@ pub fn before(
     order: &Order,
     is_identified: bool,
     only: Option<(Address, u16)>,
-) -> Vec<Step> {
+) -> Vec<CommandStep> {
     let identity = match &model.identity {
-        Some(identity) if !is_identified => Some(Step::Require {
+        Some(identity) if !is_identified => Some(CommandStep::Require {
             address: identity.address,
             mask: identity.mask,
             values: match only {
@@ -34,7 +34,7 @@ pub fn before(
         .filter(|item| item.needed_for.iter().any(|need| is_part(*need, order)));
     let settings = settings.filter_map(|item| {
         let (mask, values) = (item.mask, item.values.value.clone());
-        Some(Step::Require {
+        Some(CommandStep::Require {
             address: item.address?,
             mask,
             values,
@@ -57,10 +57,10 @@ fn is_part(need: NeededFor, order: &Order) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::command::Go;
+    use crate::domain::command::GoOrder;
     use crate::domain::frequency::Hertz;
     use crate::drive::testing::{model, setup};
-    use crate::profile::model::{Confidence, Fact, Identity};
+    use crate::profile::model::{Confidence, Fact, ModelIdentity};
 
     fn guarded() -> Model {
         let mut model = model();
@@ -73,7 +73,7 @@ mod tests {
             confidence: Confidence::Manual,
             source: "IM 1".to_owned(),
         };
-        model.identity = Some(Identity {
+        model.identity = Some(ModelIdentity {
             address: 0x0700_u16.into(),
             mask: 0xFF00,
             values,
@@ -86,7 +86,7 @@ mod tests {
         let reads = before(&guarded(), order, is_identified, None)
             .into_iter()
             .map(|step| match step {
-                Step::Require { address, mask, .. } => (address.number(), mask),
+                CommandStep::Require { address, mask, .. } => (address.number(), mask),
                 other => panic!("{other:?}"),
             });
         reads.collect()
@@ -94,7 +94,7 @@ mod tests {
 
     #[test]
     fn an_order_is_preceded_by_what_it_needs_and_a_stop_by_nothing() {
-        let go = |frequency, run| Order::Go(Go::new(Vec::new(), frequency, run).unwrap());
+        let go = |frequency, run| Order::Go(GoOrder::new(Vec::new(), frequency, run).unwrap());
         let setpoint = Some(Hertz::from_millihertz(30_000));
         assert_eq!(
             read(&go(None, Some(Direction::Forward)), true),
@@ -120,7 +120,7 @@ mod tests {
     #[test]
     fn what_was_seen_at_one_drive_holds_for_that_one_alone() {
         let values = |only| match &before(&guarded(), &Order::Reset, false, only)[..] {
-            [Step::Require { values, .. }] => values.clone(),
+            [CommandStep::Require { values, .. }] => values.clone(),
             other => panic!("{other:?}"),
         };
         assert_eq!(values(Some((0x0700_u16.into(), 0x2A07))), [0x2A00]);

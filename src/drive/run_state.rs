@@ -15,7 +15,7 @@ use super::status::StatusWatch;
 use super::view::RunState;
 use crate::domain::command::{Direction, RunIntent};
 use crate::domain::time::MonoTime;
-use crate::profile::model::Flag;
+use crate::profile::model::IndicatedState;
 use std::time::Duration;
 
 /// Number of consecutive zero readings that count as standstill.
@@ -31,12 +31,12 @@ pub struct OutputWatch {
     /// When the first of them was taken.
     zero_since: Option<MonoTime>,
     /// The readings since a stop took effect.
-    ramp: Option<Ramp>,
+    ramp: Option<StopRamp>,
 }
 
 /// How the output has changed since a stop took effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Ramp {
+struct StopRamp {
     lowest: u16,
     lowest_at: MonoTime,
     /// Whether every reading was lower than the one before.
@@ -65,7 +65,7 @@ impl OutputWatch {
     /// A stop took effect at `at`: from then on the output should fall.
     pub fn ramps_down(&mut self, at: MonoTime) {
         let (lowest, lowest_at) = self.last.unwrap_or((u16::MAX, at));
-        self.ramp = Some(Ramp {
+        self.ramp = Some(StopRamp {
             lowest,
             lowest_at,
             falls: true,
@@ -140,7 +140,7 @@ impl OutputWatch {
     pub fn run_state(&self, status: &StatusWatch, intent: RunIntent, stopping: bool) -> RunState {
         match status.is_running() {
             Some(running) => self.with_status(status, running, intent, stopping),
-            None => self.by_output(status.get(Flag::Reverse), intent, stopping),
+            None => self.by_output(status.get(IndicatedState::Reverse), intent, stopping),
         }
     }
 
@@ -152,12 +152,17 @@ impl OutputWatch {
         intent: RunIntent,
         stopping: bool,
     ) -> RunState {
-        let ramps_down =
-            status.get(Flag::Stopping) == Some(true) || (stopping && (running || self.is_active()));
+        let ramps_down = status.get(IndicatedState::Stopping) == Some(true)
+            || (stopping && (running || self.is_active()));
         if !running && self.is_at_standstill() {
             return RunState::Stopped;
         }
-        match (ramps_down, running, status.get(Flag::Reverse), intent) {
+        match (
+            ramps_down,
+            running,
+            status.get(IndicatedState::Reverse),
+            intent,
+        ) {
             (true, ..) => RunState::Stopping,
             (false, true, Some(false), _) => RunState::Forward,
             (false, true, Some(true), _) => RunState::Reverse,

@@ -36,7 +36,7 @@ pub struct SightView {
 
 /// Whether a drive is in sight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Sight {
+pub struct DriveSight {
     is_away: bool,
     last_seen: Option<LastSeen>,
     may_still_run: bool,
@@ -46,7 +46,7 @@ pub struct Sight {
     is_confirmed: bool,
 }
 
-impl Sight {
+impl DriveSight {
     /// The drive is out of sight; its last readings showed `last_seen`, or there were none. `may_run`: it was not seen at
     /// standstill, or was ordered to run since. What a person has confirmed holds until it is seen again. Returns whether to
     /// report that it may still run.
@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn what_was_not_seen_to_stand_may_run_until_it_is_seen_or_a_person_says_otherwise() {
-        let mut sight = Sight::default();
+        let mut sight = DriveSight::default();
         assert!(sight.lost(Some(RUNS), true));
         assert!(!sight.lost(None, false), "told once");
         assert_eq!(
@@ -144,7 +144,7 @@ mod tests {
 
     #[test]
     fn a_drive_that_stood_does_not_run_unless_it_is_ordered_to() {
-        let mut sight = Sight::default();
+        let mut sight = DriveSight::default();
         assert!(!sight.lost(Some(RUNS), false));
         assert!(!sight.view().may_still_run && sight.stood_last());
         assert!(!sight.confirmed(), "there is nothing to confirm");
@@ -154,10 +154,10 @@ mod tests {
 
     #[test]
     fn what_an_earlier_process_left_is_told_when_the_drive_is_not_found() {
-        let mut sight = Sight::default();
+        let mut sight = DriveSight::default();
         sight.remember(None);
         assert!(sight.lost(None, false));
-        let mut sight = Sight::default();
+        let mut sight = DriveSight::default();
         sight.remember(Some(RUNS));
         assert!(!sight.seen(), "it was found before anything was told");
     }

@@ -3,11 +3,11 @@
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::profile::model::Register;
-use crate::profile::scale::Scaled;
+use crate::profile::scale::ScaledValue;
 
 /// Whether a drive answers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Presence {
+pub enum DrivePresence {
     /// It has not been polled yet.
     #[default]
     Unknown,
@@ -19,7 +19,7 @@ pub enum Presence {
 
 /// One word with its time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Reading {
+pub struct WordReading {
     /// The word as the drive sent it.
     pub raw: u16,
     /// When its reply was complete.
@@ -30,7 +30,7 @@ pub struct Reading {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ValueReading {
     /// The value.
-    pub value: Scaled,
+    pub value: ScaledValue,
     /// The word at its address as the drive sent it.
     pub raw: u16,
     /// When the oldest of its words arrived.
@@ -41,11 +41,11 @@ pub struct ValueReading {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DriveSnapshot {
     /// Whether it answers.
-    pub presence: Presence,
+    pub presence: DrivePresence,
     /// It has not shown yet what every drive of its model shows, so that no reading counts.
     pub is_implausible: bool,
     /// In the order of their keys: they are looked up for every word that a client reads, and copied for every view.
-    readings: Vec<(u32, Reading)>,
+    readings: Vec<(u32, WordReading)>,
 }
 
 /// Distinguishes and orders addresses as one number.
@@ -65,7 +65,7 @@ impl DriveSnapshot {
 
     /// The last reading of the register at `address`; `None` if it has not been read.
     #[must_use]
-    pub fn reading(&self, address: impl Into<Address>) -> Option<Reading> {
+    pub fn reading(&self, address: impl Into<Address>) -> Option<WordReading> {
         let place = self.place_of(address.into()).ok()?;
         self.readings.get(place).map(|(_, reading)| *reading)
     }
@@ -137,7 +137,7 @@ impl DriveSnapshot {
     /// Takes the words that were read from `address` on and came at `at`.
     pub fn take(&mut self, address: Address, words: &[u16], at: MonoTime) {
         for (address, raw) in address.onwards().zip(words) {
-            let reading = Reading { raw: *raw, at };
+            let reading = WordReading { raw: *raw, at };
             match self.place_of(address) {
                 Ok(place) => self.readings[place].1 = reading,
                 Err(place) => self.readings.insert(place, (key(address), reading)),

@@ -3,7 +3,7 @@
 use super::output::OutputRegister;
 use super::view::StatusView;
 use crate::domain::address::Address;
-use crate::profile::model::{Flag, Model, StatusFlag};
+use crate::profile::model::{IndicatedState, Model, StatusFlag};
 
 /// Most undocumented words that are reported for one drive: a register that holds anything is no status.
 const UNDOCUMENTED_MAX: usize = 16;
@@ -34,7 +34,9 @@ impl StatusWatch {
     #[must_use]
     pub fn new(model: &Model) -> Self {
         let sign = match OutputRegister::of(model) {
-            Some(output) if model.status_flag(Flag::Reverse).is_none() => Some((output, None)),
+            Some(output) if model.status_flag(IndicatedState::Reverse).is_none() => {
+                Some((output, None))
+            }
             _ => None,
         };
         Self {
@@ -61,7 +63,7 @@ impl StatusWatch {
         for (flag, value) in &mut self.flags {
             if let Some(word) = flag.address.word_in(address, words) {
                 *value = flag.reads(word);
-                running = if flag.flag == Flag::Running {
+                running = if flag.flag == IndicatedState::Running {
                     *value
                 } else {
                     running
@@ -109,12 +111,12 @@ impl StatusWatch {
 
     /// Whether `flag` is set; `None` if the model has no such flag or it has not been read yet.
     #[must_use]
-    pub fn get(&self, flag: Flag) -> Option<bool> {
+    pub fn get(&self, flag: IndicatedState) -> Option<bool> {
         if let Some((_, value)) = self.flags.iter().find(|(it, _)| it.flag == flag) {
             return *value;
         }
         match self.sign {
-            Some((_, value)) if flag == Flag::Reverse => value,
+            Some((_, value)) if flag == IndicatedState::Reverse => value,
             _ => None,
         }
     }
@@ -122,17 +124,17 @@ impl StatusWatch {
     /// Whether the drive shows its motor as ordered to run. It does not while it ramps down.
     #[must_use]
     pub fn is_running(&self) -> Option<bool> {
-        self.get(Flag::Running)
+        self.get(IndicatedState::Running)
     }
 
     /// The flags shown besides run state and trips.
     #[must_use]
     pub fn view(&self) -> StatusView {
         StatusView {
-            bus_run: self.get(Flag::BusRun),
-            bus_frequency: self.get(Flag::BusFrequency),
-            alarm: self.get(Flag::Alarm),
-            ready: self.get(Flag::Ready),
+            bus_run: self.get(IndicatedState::BusRun),
+            bus_frequency: self.get(IndicatedState::BusFrequency),
+            alarm: self.get(IndicatedState::Alarm),
+            ready: self.get(IndicatedState::Ready),
             undocumented: self.undocumented,
         }
     }
@@ -146,27 +148,37 @@ mod tests {
     #[test]
     fn a_flag_is_known_once_its_register_was_read() {
         let mut watch = StatusWatch::new(&with_status());
-        assert_eq!(watch.get(Flag::Running), None);
+        assert_eq!(watch.get(IndicatedState::Running), None);
         assert_eq!(watch.take(0x2100_u16.into(), &[0b0101, 7]), Some(true));
         assert_eq!(
-            (watch.get(Flag::Running), watch.get(Flag::Reverse)),
+            (
+                watch.get(IndicatedState::Running),
+                watch.get(IndicatedState::Reverse)
+            ),
             (Some(true), Some(false))
         );
         watch.take(0x20FF_u16.into(), &[0, 0b1010]);
         assert_eq!(
-            (watch.get(Flag::Reverse), watch.get(Flag::Tripped)),
+            (
+                watch.get(IndicatedState::Reverse),
+                watch.get(IndicatedState::Tripped)
+            ),
             (Some(true), Some(true))
         );
         assert_eq!(watch.take(0x2101_u16.into(), &[0]), None);
-        assert_eq!(watch.get(Flag::Tripped), Some(true), "another register");
+        assert_eq!(
+            watch.get(IndicatedState::Tripped),
+            Some(true),
+            "another register"
+        );
         watch.forget();
-        assert_eq!(watch.get(Flag::Running), None);
+        assert_eq!(watch.get(IndicatedState::Running), None);
     }
 
     #[test]
     fn a_model_without_such_flags_tells_nothing() {
         let mut watch = StatusWatch::new(&model());
         watch.take(0x0000_u16.into(), &[0xFFFF; 16]);
-        assert_eq!(watch.get(Flag::Running), None);
+        assert_eq!(watch.get(IndicatedState::Running), None);
     }
 }

@@ -8,12 +8,12 @@ mod tests;
 
 pub use reset::{of_reset, of_take_back};
 
-use super::bases::Bases;
+use super::bases::FrequencyBases;
 use crate::domain::address::Address;
-use crate::domain::command::{Direction, Go, Reason, RegisterWrite};
+use crate::domain::command::{Direction, GoOrder, Reason, RegisterWrite};
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
-use crate::profile::model::{ClearWords, CommitWord, Flag, Model, OrderKind};
+use crate::profile::model::{ClearWords, CommitWord, IndicatedState, Model, OrderKind};
 use crate::wire::pdu::{Request, function};
 use setpoint::{check_setting, setpoint, setpoint_and_run, setpoint_of_run};
 use std::time::Duration;
@@ -23,7 +23,7 @@ pub const SHOWN_WITHIN: Duration = Duration::from_secs(1);
 
 /// One exchange of a command, or a pause in it.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Step {
+pub enum CommandStep {
     /// Read a register before anything is written. The command is refused if its word is outside this range.
     Check {
         /// The register.
@@ -48,11 +48,11 @@ pub enum Step {
         reason: Reason,
     },
     /// Write a register, or neighbours in one frame, in the order of their addresses. Never empty.
-    Write(Vec<Write>),
+    Write(Vec<WriteStep>),
     /// Read a register until it shows that what was written before has taken effect; else the command has failed.
-    Await(Await),
+    Await(AwaitStep),
     /// Read a register: if it meets the condition, the next steps are left out.
-    Skip(Skip),
+    Skip(SkipSteps),
     /// Write nothing more for this long.
     Pause(Duration),
     /// Send nothing to the drive for this long.
@@ -61,9 +61,9 @@ pub enum Step {
 
 /// What the drive must show before a command goes on.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Await {
+pub struct AwaitStep {
     /// The condition; `within` is its time limit.
-    pub condition: Condition,
+    pub condition: RegisterCondition,
     /// How long after the write before it the register is read at the earliest.
     pub at_least: Duration,
     /// Why the command has failed if the drive does not show it.
@@ -72,16 +72,16 @@ pub struct Await {
 
 /// Steps that a drive in some state does not need.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Skip {
+pub struct SkipSteps {
     /// The state.
-    pub condition: Condition,
+    pub condition: RegisterCondition,
     /// Number of steps that are left out then.
     pub count: usize,
 }
 
 /// One word that a command writes.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Write {
+pub struct WriteStep {
     /// The register.
     pub address: Address,
     /// The word.
@@ -89,12 +89,12 @@ pub struct Write {
     /// What it does.
     pub part: StepPart,
     /// Where the drive shows the effect; empty if it does not.
-    pub shown: Vec<Condition>,
+    pub shown: Vec<RegisterCondition>,
 }
 
 /// A condition on a register.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Condition {
+pub struct RegisterCondition {
     /// The register.
     pub address: Address,
     /// The bits that count.
@@ -109,7 +109,7 @@ pub struct Condition {
     pub within: Duration,
 }
 
-impl Condition {
+impl RegisterCondition {
     /// The register holds exactly `value`.
     const fn holds(address: Address, value: Vec<u16>, within: Duration) -> Self {
         Self {
@@ -123,7 +123,7 @@ impl Condition {
     }
 
     /// The model's `flag` is set or not; `None` if it has no such flag.
-    fn flag(model: &Model, flag: Flag, is_set: bool) -> Option<Self> {
+    fn flag(model: &Model, flag: IndicatedState, is_set: bool) -> Option<Self> {
         let flag = model.status_flag(flag)?;
         Some(Self {
             address: flag.address,
@@ -225,15 +225,15 @@ pub enum NoSteps {
 /// [`NoSteps`]
 pub fn of_go(
     model: &Model,
-    go: &Go,
+    go: &GoOrder,
     control: &ControlSettings,
     last: Option<Hertz>,
-    bases: &Bases,
-) -> Result<Vec<Step>, NoSteps> {
-    let mut steps: Vec<Step> = go
+    bases: &FrequencyBases,
+) -> Result<Vec<CommandStep>, NoSteps> {
+    let mut steps: Vec<CommandStep> = go
         .registers()
         .iter()
-        .map(|write| Step::Write(register(model, *write)))
+        .map(|write| CommandStep::Write(register(model, *write)))
         .collect();
     let Some(direction) = go.run() else {
         let sign = sign_of(model, go.toward())?;
@@ -241,7 +241,7 @@ pub fn of_go(
             .frequency()
             .map(|it| setpoint(model, it, sign, control, bases))
             .transpose()?;
-        steps.extend(alone.map(Step::Write));
+        steps.extend(alone.map(CommandStep::Write));
         return Ok(steps);
     };
     let run = run(model, direction)?;
@@ -249,7 +249,7 @@ pub fn of_go(
         if model.turns_by_sign() && direction == Direction::Reverse {
             return Err(NoSteps::NotCapable);
         }
-        steps.push(Step::Write(vec![run]));
+        steps.push(CommandStep::Write(vec![run]));
         return before_run::before_run(model, direction, steps);
     }
     match setpoint_of_run(model, go, last)? {
@@ -264,7 +264,7 @@ pub fn of_go(
         }
         None => {
             steps.insert(0, check_setting(model, control, bases)?);
-            steps.push(Step::Write(vec![run]));
+            steps.push(CommandStep::Write(vec![run]));
         }
     }
     before_run::before_run(model, direction, steps)
@@ -302,10 +302,10 @@ pub fn of_stop(
 ///
 /// # Errors
 /// [`NoSteps::NotCapable`] if the model starts by the run word alone.
-pub fn of_start_taken_back(model: &Model) -> Result<Vec<Step>, NoSteps> {
+pub fn of_start_taken_back(model: &Model) -> Result<Vec<CommandStep>, NoSteps> {
     let value = model.start_take_back().ok_or(NoSteps::NotCapable)?;
     let (address, _) = order(model, OrderKind::Forward)?;
-    Ok(vec![Step::Write(vec![Write {
+    Ok(vec![CommandStep::Write(vec![WriteStep {
         address,
         value,
         part: StepPart::TakesStartBack,
@@ -383,9 +383,9 @@ pub fn takes_in_a_block(model: &Model, address: Address) -> bool {
 ///
 /// # Errors
 /// [`NoSteps::NotCapable`]
-pub fn of_release(model: &Model) -> Result<Vec<Step>, NoSteps> {
+pub fn of_release(model: &Model) -> Result<Vec<CommandStep>, NoSteps> {
     let (address, value) = order(model, OrderKind::Release)?;
-    Ok(vec![Step::Write(vec![Write {
+    Ok(vec![CommandStep::Write(vec![WriteStep {
         address,
         value,
         part: StepPart::Release,
@@ -396,9 +396,9 @@ pub fn of_release(model: &Model) -> Result<Vec<Step>, NoSteps> {
 /// The step that writes `word`, by which the drive takes over or stores what was written before. Its echo is all that the
 /// drive shows of it.
 #[must_use]
-pub fn of_commit(word: &CommitWord) -> Step {
+pub fn of_commit(word: &CommitWord) -> CommandStep {
     let CommitWord { address, value, .. } = *word;
-    Step::Write(vec![Write {
+    CommandStep::Write(vec![WriteStep {
         address,
         value,
         part: StepPart::Commit,
@@ -410,7 +410,7 @@ pub fn of_commit(word: &CommitWord) -> Step {
 ///
 /// # Errors
 /// [`NoSteps::NotCapable`] if one of them is nothing that the model asks to be set.
-pub fn of_setup(model: &Model, addresses: &[Address]) -> Result<Vec<Step>, NoSteps> {
+pub fn of_setup(model: &Model, addresses: &[Address]) -> Result<Vec<CommandStep>, NoSteps> {
     let item = |address: &Address| {
         model
             .setup
@@ -426,7 +426,9 @@ pub fn of_setup(model: &Model, addresses: &[Address]) -> Result<Vec<Step>, NoSte
         .filter_map(|item| Some((item.address?, item.written()?)));
     let wanted = items.filter(|(address, _)| addresses.contains(address));
     Ok(wanted
-        .map(|(address, value)| Step::Write(register(model, RegisterWrite::new(address, value))))
+        .map(|(address, value)| {
+            CommandStep::Write(register(model, RegisterWrite::new(address, value)))
+        })
         .collect())
 }
 
@@ -437,7 +439,7 @@ fn order(model: &Model, kind: OrderKind) -> Result<(Address, u16), NoSteps> {
 }
 
 /// The writes of a register: both words of a value go out in one frame, and are read back in one.
-fn register(model: &Model, write: RegisterWrite) -> Vec<Write> {
+fn register(model: &Model, write: RegisterWrite) -> Vec<WriteStep> {
     let RegisterWrite {
         address,
         value,
@@ -453,19 +455,19 @@ fn register(model: &Model, write: RegisterWrite) -> Vec<Write> {
         Some(register) => Some(register.address),
         None => None,
     };
-    let holds = |address| Condition {
+    let holds = |address| RegisterCondition {
         second,
-        ..Condition::holds(address, vec![value], Duration::ZERO)
+        ..RegisterCondition::holds(address, vec![value], Duration::ZERO)
     };
     let part = StepPart::Register;
-    let first = Write {
+    let first = WriteStep {
         address,
         value,
         part,
         shown: read_at.map(holds).into_iter().collect(),
     };
     let second = second.and_then(|value| Some((address.checked_add(1)?, value)));
-    let second = second.map(|(address, value)| Write {
+    let second = second.map(|(address, value)| WriteStep {
         address,
         value,
         part,
@@ -474,20 +476,20 @@ fn register(model: &Model, write: RegisterWrite) -> Vec<Write> {
     [first].into_iter().chain(second).collect()
 }
 
-fn run(model: &Model, direction: Direction) -> Result<Write, NoSteps> {
+fn run(model: &Model, direction: Direction) -> Result<WriteStep, NoSteps> {
     let kind = match direction {
         Direction::Forward => OrderKind::Forward,
         Direction::Reverse => OrderKind::Reverse,
     };
     let (address, value) = order(model, kind)?;
     let is_reverse = direction == Direction::Reverse;
-    let running = Condition::flag(model, Flag::Running, true);
+    let running = RegisterCondition::flag(model, IndicatedState::Running, true);
     let turns = running
         .is_some()
-        .then(|| Condition::flag(model, Flag::Reverse, is_reverse))
+        .then(|| RegisterCondition::flag(model, IndicatedState::Reverse, is_reverse))
         .flatten();
     let shown = running.into_iter().chain(turns).collect();
-    Ok(Write {
+    Ok(WriteStep {
         address,
         value,
         part: StepPart::Run(direction),

@@ -4,7 +4,8 @@ use crate::domain::command::Direction;
 use crate::domain::control::{ControlSettings, FailSafe};
 use crate::domain::frequency::Hertz;
 use crate::profile::model::{
-    BlockWrite, ClearWords, Confidence, Fact, Flag, Model, Register, Role, SetupItem, StatusFlag,
+    BlockWrite, ClearWords, Confidence, Fact, IndicatedState, Model, Register, RegisterRole,
+    SetupItem, StatusFlag,
 };
 use crate::vendors;
 use std::time::Duration;
@@ -46,7 +47,7 @@ pub fn fact<T>(value: T) -> Fact<T> {
 pub fn with_status() -> Model {
     let mut model = model();
     let output = model
-        .register_for(Role::OutputFrequency)
+        .register_for(RegisterRole::OutputFrequency)
         .cloned()
         .expect("an output frequency");
     let status = Register {
@@ -60,16 +61,16 @@ pub fn with_status() -> Model {
     model.registers.push(status);
     model.registers.sort_by_key(|register| register.address);
     let flags = [
-        (Flag::Running, 1),
-        (Flag::Reverse, 2),
-        (Flag::Ready, 4),
-        (Flag::Tripped, 8),
+        (IndicatedState::Running, 1),
+        (IndicatedState::Reverse, 2),
+        (IndicatedState::Ready, 4),
+        (IndicatedState::Tripped, 8),
     ];
     model.status = flags.map(|(flag, mask)| status_flag(flag, mask)).to_vec();
     model
 }
 
-fn status_flag(flag: Flag, mask: u16) -> StatusFlag {
+fn status_flag(flag: IndicatedState, mask: u16) -> StatusFlag {
     let (confidence, source) = (Confidence::Manual, "IM 1".to_owned());
     StatusFlag {
         flag,
@@ -87,7 +88,7 @@ fn status_flag(flag: Flag, mask: u16) -> StatusFlag {
 pub fn with_block() -> Model {
     let mut model = model();
     for register in &mut model.registers {
-        if register.role == Some(Role::FrequencyCommand) {
+        if register.role == Some(RegisterRole::FrequencyCommand) {
             register.address = 0x0003_u16.into();
         }
     }

@@ -10,7 +10,7 @@ mod tests;
 pub use meter::UsageMeter;
 
 use crate::domain::units::UnitOfMeasure;
-use crate::profile::model::{Flag, Model, Register, Role};
+use crate::profile::model::{IndicatedState, Model, Register, RegisterRole};
 use crate::profile::scale::Decimal;
 use std::ops::AddAssign;
 use std::time::Duration;
@@ -102,7 +102,7 @@ impl EnergySource {
 
     /// The word used in documents.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Counter => "counter",
             Self::Power => "power",
@@ -114,7 +114,7 @@ impl EnergySource {
     pub fn named(word: &str) -> Option<Self> {
         [Self::Counter, Self::Power]
             .into_iter()
-            .find(|source| source.word() == word)
+            .find(|source| source.keyword() == word)
     }
 }
 
@@ -137,7 +137,7 @@ impl UsagePart {
 
     /// The word used in topics.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Energy => "energy",
             Self::RunningHours => "running_hours",
@@ -172,9 +172,9 @@ impl UsageParts {
     /// The sums that drives of `model` allow.
     #[must_use]
     pub fn of(model: &Model) -> Self {
-        let has_flag = model.status_flag(Flag::Running).is_some();
+        let has_flag = model.status_flag(IndicatedState::Running).is_some();
         let has_output = model
-            .register_for(Role::OutputFrequency)
+            .register_for(RegisterRole::OutputFrequency)
             .is_some_and(|it| it.poll.is_some());
         let has_trips = model.trip_register().is_some();
         Self {
@@ -236,12 +236,12 @@ pub struct KeptUsage {
 /// The energy counter of drives of `model`.
 fn counter(model: &Model) -> Option<&Register> {
     model
-        .register_for(Role::Energy)
+        .register_for(RegisterRole::Energy)
         .filter(|it| it.poll.is_some())
 }
 
 /// The register of the output power of drives of `model`, in kilowatts.
 fn power(model: &Model) -> Option<&Register> {
-    let register = model.register_for(Role::OutputPower)?;
+    let register = model.register_for(RegisterRole::OutputPower)?;
     (register.poll.is_some() && register.unit == UnitOfMeasure::Kilowatt).then_some(register)
 }

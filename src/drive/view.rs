@@ -2,7 +2,7 @@
 
 use super::plan::RefusedRegister;
 use super::sight::SightView;
-use super::snapshot::{DriveSnapshot, Presence};
+use super::snapshot::{DrivePresence, DriveSnapshot};
 use super::status::UndocumentedState;
 use super::usage::UsageView;
 use super::watchdog::WatchdogView;
@@ -56,7 +56,7 @@ impl DriveView {
     /// Whether the drive is reachable: its line is up and it answers.
     #[must_use]
     pub fn is_online(&self) -> bool {
-        self.line_is_up && self.snapshot.presence == Presence::Online
+        self.line_is_up && self.snapshot.presence == DrivePresence::Online
     }
 }
 
@@ -128,7 +128,7 @@ pub enum RunState {
 impl RunState {
     /// The word used in topics.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Unknown => "unknown",
             Self::Stopped => "stopped",
@@ -160,7 +160,7 @@ impl RunState {
         ];
         all.into_iter()
             .chain([Self::Running, Self::Stopping])
-            .find(|state| state.word() == word)
+            .find(|state| state.keyword() == word)
     }
 
     /// Whether the output is known to be active.

@@ -1,6 +1,6 @@
 //! What a drive warns of. A warning is only shown: it stops no motor, refuses no order and is no trip.
 
-use crate::profile::model::{CodeText, Model, Role};
+use crate::profile::model::{CodeText, Model, RegisterRole};
 use crate::profile::value::codes_of_bits;
 
 /// The number of the warning that the model's warning register shows with `shown`, 0 for none; of bits, the number of
@@ -34,7 +34,7 @@ pub fn text(model: &Model, shown: u32) -> Option<String> {
 fn are_bits(model: &Model) -> bool {
     model
         .warning_register()
-        .is_some_and(|register| register.role == Some(Role::WarningBits))
+        .is_some_and(|register| register.role == Some(RegisterRole::WarningBits))
 }
 
 #[cfg(test)]
@@ -43,7 +43,7 @@ mod tests {
     use crate::drive::testing::model;
     use crate::profile::model::Confidence;
 
-    fn warning(role: Role) -> Model {
+    fn warning(role: RegisterRole) -> Model {
         let mut model = model();
         model.registers.truncate(1);
         model.registers[0].role = Some(role);
@@ -62,8 +62,8 @@ mod tests {
 
     #[test]
     fn a_code_is_one_warning_and_each_bit_is_one() {
-        let codes = warning(Role::WarningCode);
-        let bits = warning(Role::WarningBits);
+        let codes = warning(RegisterRole::WarningCode);
+        let bits = warning(RegisterRole::WarningBits);
         assert_eq!((code(&codes, 0), text(&codes, 0)), (0, None));
         assert_eq!(
             (code(&codes, 4), text(&codes, 4).as_deref()),

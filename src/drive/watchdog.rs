@@ -26,7 +26,7 @@ pub enum WatchdogState {
 impl WatchdogState {
     /// The word used in payloads.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Unknown => "unknown",
             Self::Off => "off",
@@ -194,7 +194,7 @@ mod tests {
     use super::*;
     use crate::domain::units::UnitOfMeasure;
     use crate::drive::testing::{fact, model};
-    use crate::profile::model::Watchdog;
+    use crate::profile::model::ModelWatchdog;
 
     const TIME: u16 = 0x0201;
     const ACTION: u16 = 0x0204;
@@ -203,7 +203,7 @@ mod tests {
         let mut model = model();
         let (keeps_running, stops) = (vec![3], vec![0, 1]);
         let (action, action_digit) = (Some(ACTION.into()), None);
-        model.watchdog = Some(Watchdog {
+        model.watchdog = Some(ModelWatchdog {
             time: TIME.into(),
             off: fact(0),
             action,

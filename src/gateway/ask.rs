@@ -2,18 +2,18 @@
 
 use super::core::LineCore;
 use super::drive::DriveOnLine;
-use super::waiter::Waiter;
+use super::waiter::ReportWaiter;
 use crate::domain::address::Address;
 use crate::domain::command::{CommandRequest, Order, Reason, Report};
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::native::{
-    FRAMES_MAX, NativeAnswer, NativeAsk, NativeOutcome, NativeRequest, Refusal,
+    FRAMES_MAX, NativeAnswer, NativeAsk, NativeOutcome, NativeRefusal, NativeRequest,
 };
 use crate::domain::time::MonoTime;
 use crate::drive::decode;
-use crate::guard::{COMMAND_DEADLINE, Facts};
-use crate::journal::Tried;
-use crate::line::schedule::{Full, NativeQuery, Queued, ReadKey, WaiterId};
+use crate::guard::{COMMAND_DEADLINE, DriveFacts};
+use crate::journal::TriedWrite;
+use crate::line::schedule::{NativeQuery, QueuedRead, ReadKey, ScheduleFull, WaiterId};
 use crate::profile::model::Model;
 use crate::wire::pdu::function;
 
@@ -30,7 +30,7 @@ impl LineCore {
             NativeAsk::Loop { data } => self.take_loop(now, &request, *data),
         };
         if let Err(outcome) = taken {
-            if outcome == NativeOutcome::Refused(Refusal::QueueFull) {
+            if outcome == NativeOutcome::Refused(NativeRefusal::QueueFull) {
                 self.counters.queue_full += 1;
             }
             self.answer(NativeAnswer {
@@ -62,7 +62,7 @@ impl LineCore {
         if !command.order.is_no_attempt() {
             self.order_taken(now, drive);
         }
-        self.command(now, command, Waiter::of_command(asker, ticket, drive));
+        self.command(now, command, ReportWaiter::of_command(asker, ticket, drive));
     }
 
     fn order_taken(&mut self, now: MonoTime, drive: DriveIndex) {
@@ -71,16 +71,16 @@ impl LineCore {
         }
     }
 
-    fn command(&mut self, now: MonoTime, command: &CommandRequest, mut waiter: Waiter) {
+    fn command(&mut self, now: MonoTime, command: &CommandRequest, mut waiter: ReportWaiter) {
         let Some(drive) = self.drives.get(command.drive) else {
             let report = Report::refused(Reason::UnknownDrive);
-            let tried = Tried::Order(command.order.clone());
+            let tried = TriedWrite::Order(command.order.clone());
             self.effects
                 .attempt_ended(command.drive, command.origin.owner, tried, report);
             self.effects.tell(&mut waiter, report, true);
             return;
         };
-        let facts = Facts {
+        let facts = DriveFacts {
             listens: self.listens(),
             line_is_bad: self.health.quality.is_suspended(command.drive.get()),
             is_implausible: drive.snapshot.is_implausible,
@@ -106,10 +106,10 @@ impl LineCore {
         count: u16,
     ) -> Result<(), NativeOutcome> {
         let Some(DriveOnLine { setup, .. }) = self.drives.get(request.drive) else {
-            return Err(NativeOutcome::Refused(Refusal::NoSuchUnit));
+            return Err(NativeOutcome::Refused(NativeRefusal::NoSuchUnit));
         };
         let frames = frames_of(&setup.model, address, count)
-            .ok_or(Refusal::TooManyFrames)
+            .ok_or(NativeRefusal::TooManyFrames)
             .map_err(refused)?;
         self.may_wait(now, request.drive)?;
         let parts: Vec<u16> = frames.iter().map(|(_, count)| *count).collect();
@@ -132,10 +132,10 @@ impl LineCore {
         data: u16,
     ) -> Result<(), NativeOutcome> {
         let Some(DriveOnLine { setup, .. }) = self.drives.get(request.drive) else {
-            return Err(NativeOutcome::Refused(Refusal::NoSuchUnit));
+            return Err(NativeOutcome::Refused(NativeRefusal::NoSuchUnit));
         };
         if !setup.model.serves(function::DIAGNOSTICS) {
-            return Err(refused(Refusal::Guard(Reason::NotCapable)));
+            return Err(refused(NativeRefusal::Guard(Reason::NotCapable)));
         }
         self.may_wait(now, request.drive)?;
         let id = self.natives.open(request, &[]);
@@ -160,12 +160,12 @@ impl LineCore {
         waiter: WaiterId,
     ) -> Result<(), NativeOutcome> {
         match self.schedule.push_read(key, asker, waiter) {
-            Ok(Queued::Alone) => Ok(()),
-            Ok(Queued::Joined) => {
+            Ok(QueuedRead::Alone) => Ok(()),
+            Ok(QueuedRead::Joined) => {
                 self.counters.joined += 1;
                 Ok(())
             }
-            Err(Full) => self.give_back(waiter),
+            Err(ScheduleFull) => self.give_back(waiter),
         }
     }
 
@@ -186,16 +186,16 @@ impl LineCore {
             ..
         } = *request;
         let order = self.order_of(drive, address, values).map_err(|reason| {
-            let tried = Tried::Registers {
+            let tried = TriedWrite::Registers {
                 address,
                 values: values.to_vec(),
             };
             self.effects
                 .attempt_ended(drive, origin.owner, tried, Report::refused(reason));
             refused(if reason == Reason::UnknownDrive {
-                Refusal::NoSuchUnit
+                NativeRefusal::NoSuchUnit
             } else {
-                Refusal::Guard(reason)
+                NativeRefusal::Guard(reason)
             })
         })?;
         let start_before = deadline.min(now + COMMAND_DEADLINE);
@@ -211,7 +211,7 @@ impl LineCore {
             epoch,
             trial,
         };
-        self.command(now, &command, Waiter::of_write(asker, ticket, drive));
+        self.command(now, &command, ReportWaiter::of_write(asker, ticket, drive));
         Ok(())
     }
 
@@ -229,13 +229,13 @@ impl LineCore {
     /// Whether a read of `drive` may be queued: the line is up, there is room, and the drive is not silent.
     fn may_wait(&self, now: MonoTime, drive: DriveIndex) -> Result<(), NativeOutcome> {
         if self.listens() {
-            return Err(refused(Refusal::Standby));
+            return Err(refused(NativeRefusal::Standby));
         }
         if !self.takes_requests() {
-            return Err(refused(Refusal::LineDown));
+            return Err(refused(NativeRefusal::LineDown));
         }
         if self.natives.is_full() {
-            return Err(refused(Refusal::QueueFull));
+            return Err(refused(NativeRefusal::QueueFull));
         }
         if now < self.drives[drive].station.ask_again_at() {
             return Err(NativeOutcome::NoReply);
@@ -247,11 +247,11 @@ impl LineCore {
     fn give_back(&mut self, waiter: WaiterId) -> Result<(), NativeOutcome> {
         self.natives.end(waiter, NativeOutcome::Expired);
         self.drop_unwanted();
-        Err(refused(Refusal::QueueFull))
+        Err(refused(NativeRefusal::QueueFull))
     }
 }
 
-fn refused(refusal: Refusal) -> NativeOutcome {
+fn refused(refusal: NativeRefusal) -> NativeOutcome {
     NativeOutcome::Refused(refusal)
 }
 

@@ -1,9 +1,9 @@
 //! Exchanges that rule out late replies, for drives whose work waits because of them.
 
-use super::core::{LineCore, Purpose};
+use super::core::{ExchangePurpose, LineCore};
 use super::decide::{Picked, is_stop, poll_request};
 use super::drive::DriveOnLine;
-use super::work::Want;
+use super::work::DriveWish;
 use crate::domain::ids::DriveIndex;
 use crate::domain::time::MonoTime;
 use crate::line::schedule::ReadKey;
@@ -43,7 +43,7 @@ impl LineCore {
             may_go.then_some((drive.index, place, request))
         })?;
         self.counters.barriers += 1;
-        Some((drive, request, Purpose::Trial(place)))
+        Some((drive, request, ExchangePurpose::Trial(place)))
     }
 
     /// When a barrier of `drive` may be tried, if one is untried: its reply must be beyond doubt.
@@ -94,7 +94,7 @@ impl LineCore {
             .reads()
             .filter(|key| key.drive == drive.index)
             .map(ReadKey::request);
-        let may_wait = move |want: &Want| {
+        let may_wait = move |want: &DriveWish| {
             want.at <= now && !is_stop(want.rank) && !drive.is_withheld(want.rank)
         };
         let wants = drive.work.wants().filter(may_wait);

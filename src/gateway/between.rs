@@ -1,11 +1,11 @@
 //! A stop goes out from a gateway that may not send, too: as a single frame between those of the master that does.
 
-use super::core::{LineCore, Purpose};
+use super::core::{ExchangePurpose, LineCore};
 use super::drive::DriveOnLine;
-use super::work::{Rank, Want};
+use super::work::{DriveWish, WishRank};
 use crate::domain::ids::DriveIndex;
 use crate::domain::time::MonoTime;
-use crate::line::exchange::Ending;
+use crate::line::exchange::ExchangeEnding;
 use crate::wire::framing;
 use crate::wire::pdu::Request;
 
@@ -20,8 +20,8 @@ impl LineCore {
             return;
         };
         let Some(share) = &mut self.share else { return };
-        share.gap.decided(now, want.rank != Rank::Look);
-        if want.rank == Rank::FirstStop && self.stop_all(now) {
+        share.gap.decided(now, want.rank != WishRank::Look);
+        if want.rank == WishRank::FirstStop && self.stop_all(now) {
             return;
         }
         let is_first = self.drives[drive].work.unsent_stop().is_some();
@@ -35,7 +35,7 @@ impl LineCore {
             self.measured.stop_sent(want.at, now);
             self.drives[drive].work.stops_between(&mut self.effects);
         }
-        self.open_exchange(now, (drive, want.request, Purpose::Work(want.rank)));
+        self.open_exchange(now, (drive, want.request, ExchangePurpose::Work(want.rank)));
     }
 
     /// When the next stop is sent between the frames of another master, as known at `now`, if nothing more is received.
@@ -43,7 +43,7 @@ impl LineCore {
         Some(self.next_between(now)?.0.max(self.wire.may_send_from()))
     }
 
-    fn next_between(&self, now: MonoTime) -> Option<(MonoTime, DriveIndex, Want)> {
+    fn next_between(&self, now: MonoTime) -> Option<(MonoTime, DriveIndex, DriveWish)> {
         if !self.listens() {
             return None;
         }
@@ -63,19 +63,19 @@ impl LineCore {
                 drive.work.wants().filter_map(move |want| {
                     let due = drive.wanted_from(&want).max(from);
                     let at = match want.rank {
-                        Rank::FirstStop => share.gap.stop_at(due, last_byte_at, now),
-                        Rank::RepeatedStop => {
+                        WishRank::FirstStop => share.gap.stop_at(due, last_byte_at, now),
+                        WishRank::RepeatedStop => {
                             leaves_room(share.gap.again_at(due, last_byte_at, now))
                         }
                         // Another gateway reads its drives itself, and would take a read for one of a rival.
                         // One that hears nothing learns nothing by it.
-                        Rank::Look
+                        WishRank::Look
                             if self.is_seen_by_others(drive, now) || share.rule.is_deaf() =>
                         {
                             return None;
                         }
-                        Rank::Look => leaves_room(share.gap.look_at(due, last_byte_at, now)),
-                        Rank::Step | Rank::Trip | Rank::Start => return None,
+                        WishRank::Look => leaves_room(share.gap.look_at(due, last_byte_at, now)),
+                        WishRank::Step | WishRank::Trip | WishRank::Start => return None,
                     };
                     Some((at, drive.index, want))
                 })
@@ -99,8 +99,8 @@ impl LineCore {
         &mut self,
         now: MonoTime,
         drive: DriveIndex,
-        rank: Rank,
-        ending: &Ending,
+        rank: WishRank,
+        ending: &ExchangeEnding,
     ) {
         if !self.listens() {
             return;
@@ -108,11 +108,14 @@ impl LineCore {
         let last_byte_at = self.wire.last_byte_at();
         let Some(share) = &mut self.share else { return };
         share.own_bytes_at = last_byte_at;
-        if matches!(ending, Ending::Reply(_) | Ending::Exception(_)) {
+        if matches!(
+            ending,
+            ExchangeEnding::Reply(_) | ExchangeEnding::Exception(_)
+        ) {
             return share.gap.answered();
         }
         share.gap.unanswered();
-        if rank != Rank::Look && share.gap.may_repeat(now) {
+        if rank != WishRank::Look && share.gap.may_repeat(now) {
             self.drives[drive].work.stop_again_at(now);
         }
     }

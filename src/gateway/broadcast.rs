@@ -5,9 +5,9 @@ use super::core::LineCore;
 use super::setup::LineSetup;
 use super::work::DriveWork;
 use crate::domain::time::MonoTime;
-use crate::domain::traffic::Why;
+use crate::domain::traffic::FramePurpose;
 use crate::line::budget::BROADCAST_TURNAROUND;
-use crate::profile::model::Broadcast;
+use crate::profile::model::ModelBroadcast;
 use crate::wire::pdu::{Request, function};
 
 /// The broadcast station that stops all drives of a line: it must be documented for their model, which must be the same
@@ -18,7 +18,7 @@ pub(super) fn station_for_all(setup: &LineSetup) -> Option<u8> {
         return None;
     }
     let (first, others) = setup.drives.split_first()?;
-    let Broadcast { station, functions } = first.model.link.broadcast.as_ref()?;
+    let ModelBroadcast { station, functions } = first.model.link.broadcast.as_ref()?;
     let is_sure = station.confidence.is_proven() && functions.contains(&function::WRITE_SINGLE);
     let are_alike = others.iter().all(|other| other.model.id == first.model.id);
     let are_controlled = setup.drives.iter().all(|drive| drive.control.is_some());
@@ -47,7 +47,7 @@ impl LineCore {
         self.counters.requests += 1;
         self.counters.broadcasts += 1;
         self.stops_all = true;
-        self.transmit(now, frame, Why::Stop);
+        self.transmit(now, frame, FramePurpose::Stop);
         true
     }
 

@@ -1,15 +1,15 @@
 //! The state of one line and its single entry point for events.
 
 use super::broadcast;
-use super::drive::{DriveOnLine, Drives};
-use super::event::{Effect, Input, Wake, WakeReason};
-use super::health::Health;
-use super::measured::Measured;
-use super::natives::Natives;
-use super::outbox::Outbox;
+use super::drive::{DriveOnLine, LineDrives};
+use super::event::{LineEffect, LineInput, LineWake, WakeReason};
+use super::health::LineHealth;
+use super::measured::LineMeasurements;
+use super::natives::PendingNatives;
+use super::outbox::EffectOutbox;
 use super::setup::LineSetup;
-use super::share::Share;
-use super::work::{DriveWork, Rank};
+use super::share::LineShare;
+use super::work::{DriveWork, WishRank};
 use crate::domain::ids::DriveIndex;
 use crate::domain::link::EchoPolicy;
 use crate::domain::native::NativeAnswer;
@@ -18,12 +18,12 @@ use crate::domain::time::MonoTime;
 use crate::domain::traffic::HeardFrame;
 use crate::drive::snapshot::DriveSnapshot;
 use crate::drive::view::DriveView;
-use crate::line::barriers::Nonces;
+use crate::line::barriers::LoopNonces;
 use crate::line::echo::EchoWatch;
 use crate::line::fault::{Fault, consequence};
-use crate::line::schedule::{ReadJob, Schedule};
-use crate::line::timing::Timing;
-use crate::line::transaction::Wire;
+use crate::line::schedule::{ReadJob, ReadSchedule};
+use crate::line::timing::LineTiming;
+use crate::line::transaction::LineWire;
 use crate::wire::pdu::Request;
 use std::sync::Arc;
 use std::time::Duration;
@@ -32,29 +32,29 @@ use std::time::Duration;
 /// drives it through these methods.
 ///
 /// * **Input**: [`handle`](Self::handle) takes one event and the moment at which it happened. Moments never go back. Every
-///   input except [`Input::Time`] is only noted and answered; [`Input::Time`] decides what to send and what has expired.
+///   input except [`LineInput::Time`] is only noted and answered; [`LineInput::Time`] decides what to send and what has expired.
 /// * **Output**: [`next_effect`](Self::next_effect) returns what to do, in order.
 ///   [`changed_views`](Self::changed_views) and [`next_station`](Self::next_station) return what to publish.
-/// * **Time**: [`next_wake`](Self::next_wake) is the moment at which [`Input::Time`] is due, if no event arrives earlier.
+/// * **Time**: [`next_wake`](Self::next_wake) is the moment at which [`LineInput::Time`] is due, if no event arrives earlier.
 /// * **Queries**: all methods on `&self` only read, and may be called at any time.
 ///
 /// Each round calls them in this order:
 ///
-/// 1. `handle` with every event that has happened since the last round, then once with [`Input::Time`];
+/// 1. `handle` with every event that has happened since the last round, then once with [`LineInput::Time`];
 /// 2. `next_effect` until it returns `None`, executing the effects in that order;
 /// 3. the changed views;
 /// 4. `next_wake`: sleep until then, or until an event arrives.
 ///
-/// To leave a line: [`Input::Leave`] or [`Input::Shutdown`], rounds as before until [`is_at_rest`](Self::is_at_rest) or the
+/// To leave a line: [`LineInput::Leave`] or [`LineInput::Shutdown`], rounds as before until [`is_at_rest`](Self::is_at_rest) or the
 /// time allowed has passed, then [`end_attempts`](Self::end_attempts) and the remaining effects.
 #[derive(Debug)]
 pub struct LineCore {
-    pub(super) timing: Timing,
+    pub(super) timing: LineTiming,
     pub(super) echo_policy: EchoPolicy,
     pub(super) tells_traffic: bool,
     /// Its drives may have been sent a request just before the line was opened.
     pub(super) asked_before: bool,
-    pub(super) drives: Drives,
+    pub(super) drives: LineDrives,
     pub(super) state: LineState,
     /// Whether there is a port to send to, whatever the reported state of the line.
     pub(super) is_open: bool,
@@ -62,13 +62,13 @@ pub struct LineCore {
     pub(super) is_parked: bool,
     /// The frame that is handed to the port is the stop of all drives.
     pub(super) stops_all: bool,
-    pub(super) wire: Wire,
-    pub(super) nonces: Nonces,
+    pub(super) wire: LineWire,
+    pub(super) nonces: LoopNonces,
     pub(super) echo: EchoWatch,
-    pub(super) health: Health,
-    pub(super) schedule: Schedule,
-    pub(super) natives: Natives,
-    pub(super) flight: Option<Flight>,
+    pub(super) health: LineHealth,
+    pub(super) schedule: ReadSchedule,
+    pub(super) natives: PendingNatives,
+    pub(super) flight: Option<OpenFlight>,
     /// The drive whose wait was just cut short because others are to be stopped: their stops are sent before its own.
     pub(super) cut_short: Option<DriveIndex>,
     /// Native reads and polls alternate: whether it is the polls' turn.
@@ -81,7 +81,7 @@ pub struct LineCore {
     pub(super) all_stop_at: Option<u8>,
     pub(super) stop: StopBounds,
     pub(super) planned_use_per_mille: u32,
-    pub(super) measured: Measured,
+    pub(super) measured: LineMeasurements,
     /// Why the port was closed last.
     pub(super) fault: Option<LineFault>,
     /// Why the port cannot be opened; `None` once it is open.
@@ -89,16 +89,16 @@ pub struct LineCore {
     pub(super) counters: LineCounters,
     /// The last data received that is already reported, because a frame of ours was sent after it.
     pub(super) told_ahead: usize,
-    pub(super) effects: Outbox,
+    pub(super) effects: EffectOutbox,
     /// Its share in the line, if there are other gateways.
-    pub(super) share: Option<Share>,
+    pub(super) share: Option<LineShare>,
 }
 
 /// The exchange on the wire.
 #[derive(Debug)]
-pub(super) struct Flight {
+pub(super) struct OpenFlight {
     pub(super) drive: DriveIndex,
-    pub(super) purpose: Purpose,
+    pub(super) purpose: ExchangePurpose,
     /// A late reply could be mistaken for its reply.
     pub(super) doubt: bool,
     /// The request, if its refusal could be a late one and is not believed; `None` once such a frame has arrived.
@@ -125,11 +125,11 @@ pub(super) struct Flight {
 
 /// Why an exchange was sent.
 #[derive(Debug)]
-pub(super) enum Purpose {
+pub(super) enum ExchangePurpose {
     /// A request of clients.
     Read(ReadJob),
     /// The drive's own work: stops, commands, read-backs.
-    Work(Rank),
+    Work(WishRank),
     /// A poll.
     Poll,
     /// To rule out late replies.
@@ -145,10 +145,10 @@ impl LineCore {
     #[must_use]
     pub fn new(setup: LineSetup, now: MonoTime) -> Self {
         let budget = setup.budget();
-        let mut effects = Outbox::new(setup.keeps, setup.drives.len());
+        let mut effects = EffectOutbox::new(setup.keeps, setup.drives.len());
         effects.set_time(now);
-        let mut drives = Drives::new(&setup, &budget, now);
-        let share = Share::of(&setup);
+        let mut drives = LineDrives::new(&setup, &budget, now);
+        let share = LineShare::of(&setup);
         for drive in drives.iter_mut() {
             if setup.joins_late {
                 drive.work.inhibit(now);
@@ -166,7 +166,7 @@ impl LineCore {
             all_stop_at: broadcast::station_for_all(&setup),
             stop: setup.stop_bounds(),
             planned_use_per_mille: (budget.use_of_line * 1000.0).round() as u32,
-            measured: Measured::default(),
+            measured: LineMeasurements::default(),
             others_turn: false,
             fault: None,
             open_error: None,
@@ -175,14 +175,14 @@ impl LineCore {
             is_parked: false,
             stops_all: false,
             wire: setup.wire(now),
-            nonces: Nonces::new(setup.first_epoch),
+            nonces: LoopNonces::new(setup.first_epoch),
             echo: EchoWatch::new(!setup.timing.framing.identifies_replies()),
-            health: Health::new(
+            health: LineHealth::new(
                 setup.timing.framing,
                 setup.drives.iter().map(|drive| drive.station),
             ),
-            schedule: Schedule::default(),
-            natives: Natives::default(),
+            schedule: ReadSchedule::default(),
+            natives: PendingNatives::default(),
             flight: None,
             cut_short: None,
             polls_turn: true,
@@ -200,52 +200,52 @@ impl LineCore {
     }
 
     /// Handles an event that happened at `now`. Moments never go back.
-    pub fn handle(&mut self, now: MonoTime, input: Input<'_>) {
+    pub fn handle(&mut self, now: MonoTime, input: LineInput<'_>) {
         self.effects.set_time(now);
         match input {
-            Input::Bytes(bytes) => self.on_bytes(now, bytes),
-            Input::PortUp(kind) => self.on_port_up(now, kind),
-            Input::PortRefused(reason) => self.open_error = Some(reason),
-            Input::PortDown(fault) => self.on_port_down(now, fault),
-            Input::ConnectionClosed => self.on_connection_closed(now),
-            Input::ConnectionBack => self.is_parked = false,
-            Input::Native(request) => self.on_native(now, request),
-            Input::AskerGone(asker) => self.on_asker_gone(asker),
-            Input::Command(command) => self.on_command(now, &command),
-            Input::PathAlive(owner) => {
+            LineInput::Bytes(bytes) => self.on_bytes(now, bytes),
+            LineInput::PortUp(kind) => self.on_port_up(now, kind),
+            LineInput::PortRefused(reason) => self.open_error = Some(reason),
+            LineInput::PortDown(fault) => self.on_port_down(now, fault),
+            LineInput::ConnectionClosed => self.on_connection_closed(now),
+            LineInput::ConnectionBack => self.is_parked = false,
+            LineInput::Native(request) => self.on_native(now, request),
+            LineInput::AskerGone(asker) => self.on_asker_gone(asker),
+            LineInput::Command(command) => self.on_command(now, &command),
+            LineInput::PathAlive(owner) => {
                 for drive in self.drives.iter_mut() {
                     let is_reached = self.state != LineState::Down && !drive.is_offline();
                     drive.work.path_alive(owner, is_reached, now);
                 }
             }
-            Input::PathOpened(_) => self.drives.works_mut().for_each(DriveWork::new_epoch),
-            Input::ResetUsage(drive, owner) => {
+            LineInput::PathOpened(_) => self.drives.works_mut().for_each(DriveWork::new_epoch),
+            LineInput::ResetUsage(drive, owner) => {
                 if let Some(drive) = self.drives.get_mut(drive) {
                     drive.work.reset_usage(owner, &mut self.effects);
                 }
             }
-            Input::ConfirmStandstill(drive, owner) => {
+            LineInput::ConfirmStandstill(drive, owner) => {
                 if let Some(drive) = self.drives.get_mut(drive) {
                     drive.work.confirm_standstill(owner, &mut self.effects);
                 }
             }
-            Input::Shutdown if self.listens() => self.end_listening(now),
-            Input::Shutdown => {
+            LineInput::Shutdown if self.listens() => self.end_listening(now),
+            LineInput::Shutdown => {
                 for work in self.drives.works_mut() {
                     work.shut_down(now, &mut self.effects);
                 }
             }
-            Input::Kept(row) => self.drives.works_mut().for_each(|work| work.kept(row)),
-            Input::Leave { stops } => {
+            LineInput::Kept(row) => self.drives.works_mut().for_each(|work| work.kept(row)),
+            LineInput::Leave { stops } => {
                 let listens = self.listens();
                 for work in self.drives.works_mut() {
                     let is_ours = !listens || work.is_bound();
                     work.leave(now, stops && is_ours, &mut self.effects);
                 }
             }
-            Input::Yield => self.on_yield(now),
-            Input::Stay => self.drives.works_mut().for_each(DriveWork::stay),
-            Input::Time => self.on_time(now),
+            LineInput::Yield => self.on_yield(now),
+            LineInput::Stay => self.drives.works_mut().for_each(DriveWork::stay),
+            LineInput::Time => self.on_time(now),
         }
         for work in self.drives.works_mut() {
             work.keep_lease(&mut self.effects);
@@ -254,19 +254,19 @@ impl LineCore {
     }
 
     /// The next effect to execute, in order.
-    pub fn next_effect(&mut self) -> Option<Effect> {
+    pub fn next_effect(&mut self) -> Option<LineEffect> {
         self.effects.pop_front()
     }
 
-    /// When [`Input::Time`] is due next.
+    /// When [`LineInput::Time`] is due next.
     #[must_use]
-    pub fn next_wake(&self) -> Option<Wake> {
-        let deadline = self.natives.next_deadline().map(|at| Wake {
+    pub fn next_wake(&self) -> Option<LineWake> {
+        let deadline = self.natives.next_deadline().map(|at| LineWake {
             at,
             reason: WakeReason::RequestDeadline,
         });
         let control = self.drives.works().filter_map(DriveWork::next_wake).min();
-        let control = control.map(|at| Wake {
+        let control = control.map(|at| LineWake {
             at,
             reason: WakeReason::ControlDue,
         });
@@ -276,9 +276,9 @@ impl LineCore {
             } else {
                 WakeReason::FrameEnd
             };
-            Wake { at, reason }
+            LineWake { at, reason }
         });
-        let overdue = self.overdue_at().map(|at| Wake {
+        let overdue = self.overdue_at().map(|at| LineWake {
             at,
             reason: WakeReason::ReplyDue,
         });
@@ -440,12 +440,13 @@ impl LineCore {
         self.conclude(now, done);
         if self.wire.is_out_of_step() && consequence(Fault::OutOfStep).reopens_port {
             self.on_port_down(now, LineFault::OutOfStep);
-            self.effects.push_back(Effect::Reopen(LineFault::OutOfStep));
+            self.effects
+                .push_back(LineEffect::Reopen(LineFault::OutOfStep));
         }
     }
 
     pub(super) fn answer(&mut self, answer: NativeAnswer) {
-        self.effects.push_back(Effect::Answer(answer));
+        self.effects.push_back(LineEffect::Answer(answer));
     }
 
     pub(super) fn drop_unwanted(&mut self) {

@@ -1,9 +1,9 @@
 //! What is sent next, and when the next decision is due.
 
-use super::core::{Flight, LineCore, Purpose};
+use super::core::{ExchangePurpose, LineCore, OpenFlight};
 use super::drive::DriveOnLine;
-use super::event::{Wake, WakeReason};
-use super::work::{Rank, Want};
+use super::event::{LineWake, WakeReason};
+use super::work::{DriveWish, WishRank};
 use crate::domain::ids::DriveIndex;
 use crate::domain::report::LineFault;
 use crate::domain::time::MonoTime;
@@ -19,11 +19,11 @@ use std::time::Duration;
 const AGED_POLLS_MAX: u8 = 3;
 
 /// What is sent next.
-pub(super) type Picked = (DriveIndex, Request, Purpose);
+pub(super) type Picked = (DriveIndex, Request, ExchangePurpose);
 
 /// The least is sent first: by rank, then drives whose wait was not just cut short, then those that answer, then those
 /// that move, then by time.
-type Urgency = (Rank, bool, bool, bool, MonoTime);
+type Urgency = (WishRank, bool, bool, bool, MonoTime);
 
 /// A poll that is due.
 #[derive(Clone, Copy)]
@@ -96,7 +96,7 @@ impl LineCore {
         self.drives[drive].station.asked(request_end);
         let overdue_at = patience.map(|patience| request_end + patience);
         let why = purpose.why();
-        self.flight = Some(Flight {
+        self.flight = Some(OpenFlight {
             drive,
             purpose,
             doubt,
@@ -123,9 +123,9 @@ impl LineCore {
                     self.measured.stop_sent(accepted, now);
                 }
             }
-        } else if let Some(Flight {
+        } else if let Some(OpenFlight {
             drive,
-            purpose: Purpose::Work(rank),
+            purpose: ExchangePurpose::Work(rank),
             ..
         }) = &self.flight
             && is_stop(*rank)
@@ -138,9 +138,9 @@ impl LineCore {
 
     fn pick(&mut self, now: MonoTime) -> Option<Picked> {
         match self.health.trouble {
-            Some(LineFault::Jammed) => self.pick_work(now, Rank::RepeatedStop),
+            Some(LineFault::Jammed) => self.pick_work(now, WishRank::RepeatedStop),
             Some(LineFault::Echo) => self
-                .pick_work(now, Rank::Look)
+                .pick_work(now, WishRank::Look)
                 .or_else(|| self.pick_due_probe(now)),
             _ => self.pick_any(now),
         }
@@ -150,9 +150,9 @@ impl LineCore {
     /// two commands, others get an exchange if they wait.
     fn pick_any(&mut self, now: MonoTime) -> Option<Picked> {
         let last_rank = if self.others_turn {
-            Rank::Trip
+            WishRank::Trip
         } else {
-            Rank::Start
+            WishRank::Start
         };
         if let Some(picked) = self.pick_work(now, last_rank) {
             return Some(picked);
@@ -162,7 +162,7 @@ impl LineCore {
         }
         if let Some((drive, request)) = self.pick_barrier(now) {
             self.counters.barriers += 1;
-            return Some((drive, request, Purpose::Barrier));
+            return Some((drive, request, ExchangePurpose::Barrier));
         }
         if let Some(picked) = self.pick_trial(now, TRY_PATIENCE) {
             return Some(picked);
@@ -171,7 +171,7 @@ impl LineCore {
         self.others_turn = false;
         let other = self
             .pick_other(now)
-            .or_else(|| self.pick_work(now, Rank::Start));
+            .or_else(|| self.pick_work(now, WishRank::Start));
         other.or_else(|| self.pick_trial(now, Duration::ZERO))
     }
 
@@ -201,26 +201,26 @@ impl LineCore {
 
     /// The most urgent wish of any drive up to `last_rank`; answering drives before silent ones, moving ones before
     /// those at rest. A stop waits for nothing; everything else waits for late replies and back-offs.
-    fn pick_work(&mut self, now: MonoTime, last_rank: Rank) -> Option<Picked> {
+    fn pick_work(&mut self, now: MonoTime, last_rank: WishRank) -> Option<Picked> {
         loop {
             let (drive, want) = self.most_urgent(now, last_rank)?;
             let is_new_stop =
-                want.rank == Rank::FirstStop && self.drives[drive].work.unsent_stop().is_some();
+                want.rank == WishRank::FirstStop && self.drives[drive].work.unsent_stop().is_some();
             if self.drives[drive]
                 .work
                 .send(want.rank, now, &mut self.effects)
             {
-                self.others_turn |= want.rank == Rank::Start;
+                self.others_turn |= want.rank == WishRank::Start;
                 if is_new_stop {
                     self.measured.stop_sent(want.at, now);
                 }
-                return Some((drive, want.request, Purpose::Work(want.rank)));
+                return Some((drive, want.request, ExchangePurpose::Work(want.rank)));
             }
         }
     }
 
-    fn most_urgent(&self, now: MonoTime, last_rank: Rank) -> Option<(DriveIndex, Want)> {
-        let mut best: Option<(Urgency, DriveIndex, Want)> = None;
+    fn most_urgent(&self, now: MonoTime, last_rank: WishRank) -> Option<(DriveIndex, DriveWish)> {
+        let mut best: Option<(Urgency, DriveIndex, DriveWish)> = None;
         for drive in self.drives.iter() {
             let is_silent = drive.station.is_known_silent() || now < drive.station.rests_until();
             let rests = !drive.work.is_moving();
@@ -250,7 +250,7 @@ impl LineCore {
         let drives = &self.drives;
         let may_go = |key: &ReadKey| drives[key.drive].may_be_asked(now, &key.request());
         let job = self.schedule.take_read(may_go)?;
-        Some((job.key.drive, job.key.request(), Purpose::Read(job)))
+        Some((job.key.drive, job.key.request(), ExchangePurpose::Read(job)))
     }
 
     /// The most urgent poll that is due; if `aged`, only an overdue one.
@@ -301,7 +301,7 @@ impl LineCore {
         let purpose = self
             .schedule
             .take_same(&same)
-            .map_or(Purpose::Poll, Purpose::Read);
+            .map_or(ExchangePurpose::Poll, ExchangePurpose::Read);
         (drive, Request::Read { address, count }, purpose)
     }
 
@@ -315,7 +315,7 @@ impl LineCore {
     }
 
     /// When the next frame could be sent, if anything waits or will be due.
-    pub(super) fn work_wake(&self) -> Option<Wake> {
+    pub(super) fn work_wake(&self) -> Option<LineWake> {
         if self.is_parked {
             None
         } else {
@@ -324,7 +324,7 @@ impl LineCore {
     }
 
     /// When the next frame could be sent over a connection.
-    pub(super) fn frame_wake(&self) -> Option<Wake> {
+    pub(super) fn frame_wake(&self) -> Option<LineWake> {
         if !self.is_open {
             return None;
         }
@@ -332,10 +332,10 @@ impl LineCore {
         if self.health.is_jammed() {
             // The first silence ends the jam; a stop does not wait for it.
             let stop = self
-                .wanted_at(Rank::RepeatedStop)
+                .wanted_at(WishRank::RepeatedStop)
                 .unwrap_or(MonoTime::NEVER);
             let at = stop.max(self.wire.held_until()).min(silence);
-            return Some(Wake {
+            return Some(LineWake {
                 at,
                 reason: WakeReason::SilentInterval,
             });
@@ -348,7 +348,7 @@ impl LineCore {
                 .chain(self.between_at(now))
                 .min()?
                 .max(silence);
-            return Some(Wake {
+            return Some(LineWake {
                 at,
                 reason: WakeReason::WorkDue,
             });
@@ -367,12 +367,12 @@ impl LineCore {
             .or_else(|| self.silent_until())
             .or_else(any)?;
         Some(if work > silence {
-            Wake {
+            LineWake {
                 at: work,
                 reason: WakeReason::WorkDue,
             }
         } else {
-            Wake {
+            LineWake {
                 at: silence,
                 reason: WakeReason::SilentInterval,
             }
@@ -384,15 +384,17 @@ impl LineCore {
     pub(super) fn work_at(&self) -> Option<MonoTime> {
         if self.health.trouble == Some(LineFault::Echo) {
             return self
-                .wanted_at(Rank::Look)
+                .wanted_at(WishRank::Look)
                 .into_iter()
                 .chain([self.health.probe_at])
                 .min();
         }
         let wants = self.drives.iter().flat_map(|drive| {
             drive.work.wants().map(move |want| match want.rank {
-                Rank::FirstStop | Rank::RepeatedStop => want.at.max(drive.station.pauses_until()),
-                Rank::Look => {
+                WishRank::FirstStop | WishRank::RepeatedStop => {
+                    want.at.max(drive.station.pauses_until())
+                }
+                WishRank::Look => {
                     let unmistakable = drive.station.unmistakable_at(&want.request);
                     let free_at = unmistakable.min(self.free_at(drive, &want.request));
                     want.at
@@ -419,7 +421,7 @@ impl LineCore {
     }
 
     /// When the next wish up to `last_rank` may be granted.
-    pub(super) fn wanted_at(&self, last_rank: Rank) -> Option<MonoTime> {
+    pub(super) fn wanted_at(&self, last_rank: WishRank) -> Option<MonoTime> {
         let wants = self
             .drives
             .iter()
@@ -429,8 +431,8 @@ impl LineCore {
     }
 }
 
-pub(super) const fn is_stop(rank: Rank) -> bool {
-    matches!(rank, Rank::FirstStop | Rank::RepeatedStop)
+pub(super) const fn is_stop(rank: WishRank) -> bool {
+    matches!(rank, WishRank::FirstStop | WishRank::RepeatedStop)
 }
 
 pub(super) fn poll_request(group: PollGroup) -> Request {

@@ -1,28 +1,28 @@
 //! One drive on its line, and the drives of a line.
 
-use super::event::Effect;
+use super::event::LineEffect;
 use super::measured::DriveMeasured;
-use super::note::Note;
-use super::outbox::Outbox;
+use super::note::DriveNote;
+use super::outbox::EffectOutbox;
 use super::setup::{DriveSetup, LineSetup};
-use super::work::{DriveWork, Rank, Want};
+use super::work::{DriveWish, DriveWork, WishRank};
 use crate::domain::address::Address;
 use crate::domain::ids::{DriveIndex, Station};
 use crate::domain::report::LineState;
 use crate::domain::time::MonoTime;
 use crate::drive::doubt::BlankWatch;
-use crate::drive::plan::{Pace, PlaceOnLine, PollPlan};
-use crate::drive::plausible::Plausibility;
-use crate::drive::snapshot::{DriveSnapshot, Presence};
+use crate::drive::plan::{PlaceOnLine, PollPace, PollPlan};
+use crate::drive::plausible::RangePlausibility;
+use crate::drive::snapshot::{DrivePresence, DriveSnapshot};
 use crate::drive::view::{DriveView, OrdersView};
-use crate::journal::Entry;
-use crate::line::barriers::Barriers;
-use crate::line::budget::Budget;
-use crate::line::exchange::Ending;
+use crate::journal::JournalEntry;
+use crate::line::barriers::DriveBarriers;
+use crate::line::budget::PollBudget;
+use crate::line::exchange::ExchangeEnding;
 use crate::line::fault::{Fault, consequence};
-use crate::line::station::{Missing, StationState};
-use crate::line::timeouts::Class;
-use crate::line::timing::Timing;
+use crate::line::station::{MissingReply, StationState};
+use crate::line::timeouts::RequestClass;
+use crate::line::timing::LineTiming;
 use crate::wire::pdu::Request;
 use std::ops::{Index, IndexMut};
 use std::time::Duration;
@@ -35,10 +35,10 @@ pub(super) struct DriveOnLine {
     /// Replies that may still arrive late, and how long it has been silent.
     pub(super) station: StationState,
     /// Requests that rule out late replies.
-    pub(super) barriers: Barriers,
+    pub(super) barriers: DriveBarriers,
     pub(super) plan: PollPlan,
     pub(super) snapshot: DriveSnapshot,
-    pub(super) plausibility: Plausibility,
+    pub(super) plausibility: RangePlausibility,
     /// Its control: stops, commands, trips, the guard.
     pub(super) work: DriveWork,
     pub(super) measured: DriveMeasured,
@@ -55,14 +55,14 @@ impl DriveOnLine {
         index: u16,
         line: &LineSetup,
         setup: &DriveSetup,
-        budget: &Budget,
+        budget: &PollBudget,
         now: MonoTime,
     ) -> Self {
         let drives = u32::try_from(line.drives.len()).unwrap_or(u32::MAX);
         let place = usize::from(index);
-        let pace = Pace::new(setup.poll, budget.stretch);
+        let pace = PollPace::new(setup.poll, budget.stretch);
         let is_identified = line.timing.framing.identifies_replies();
-        let plausibility = Plausibility::of(&setup.model);
+        let plausibility = RangePlausibility::of(&setup.model);
         let work = DriveWork::new(
             DriveIndex(index),
             &setup.model,
@@ -74,9 +74,9 @@ impl DriveOnLine {
             index: DriveIndex(index),
             station: StationState::new(&setup.model).identified(is_identified),
             barriers: if is_identified {
-                Barriers::none()
+                DriveBarriers::none()
             } else {
-                Barriers::new(&setup.model)
+                DriveBarriers::new(&setup.model)
             },
             plan: PollPlan::new(
                 &setup.model,
@@ -100,7 +100,7 @@ impl DriveOnLine {
 
     /// Whether it is known to be silent.
     pub(super) fn is_offline(&self) -> bool {
-        self.snapshot.presence == Presence::Offline
+        self.snapshot.presence == DrivePresence::Offline
     }
 
     /// Its current view on a line in this state.
@@ -154,18 +154,18 @@ impl DriveOnLine {
     }
 
     /// When a wish of its work may be granted, as far as the drive is concerned.
-    pub(super) fn wanted_from(&self, want: &Want) -> MonoTime {
+    pub(super) fn wanted_from(&self, want: &DriveWish) -> MonoTime {
         let station = &self.station;
         match want.rank {
-            Rank::FirstStop | Rank::RepeatedStop => want.at.max(station.pauses_until()),
+            WishRank::FirstStop | WishRank::RepeatedStop => want.at.max(station.pauses_until()),
             // A read-back has a rhythm of its own: a stop waits for it.
-            Rank::Look => want
+            WishRank::Look => want
                 .at
                 .max(station.rests_until())
                 .max(station.pauses_until())
                 .max(station.unmistakable_at(&want.request)),
             rank if self.is_withheld(rank) => MonoTime::NEVER,
-            Rank::Step | Rank::Trip | Rank::Start => want
+            WishRank::Step | WishRank::Trip | WishRank::Start => want
                 .at
                 .max(station.may_be_asked_from())
                 .max(station.unmistakable_at(&want.request)),
@@ -173,8 +173,8 @@ impl DriveOnLine {
     }
 
     /// No trip is read from a station whose replies may be another drive's: it would not be trusted.
-    pub(super) fn is_withheld(&self, rank: Rank) -> bool {
-        rank == Rank::Trip && self.station.is_doubtful()
+    pub(super) fn is_withheld(&self, rank: WishRank) -> bool {
+        rank == WishRank::Trip && self.station.is_doubtful()
     }
 
     /// Whether `request` may be sent to it now: it is not in a pause, and no late reply can be mistaken for the reply.
@@ -185,12 +185,12 @@ impl DriveOnLine {
     /// Maximum wait for the start of its reply to `request`, and the extra time of its longer characters. After a silence
     /// the full wait applies: a drive that has become slower is not given up for that. It always applies where a device
     /// between may go on waiting for the drive, while the next request waits there.
-    pub(super) fn wait_for(&self, request: &Request, line: &Timing) -> Duration {
+    pub(super) fn wait_for(&self, request: &Request, line: &LineTiming) -> Duration {
         if line.may_have_converter() {
             return self.full_wait(request, line);
         }
         let Self { setup, station, .. } = self;
-        let class = Class::of(request, &setup.model);
+        let class = RequestClass::of(request, &setup.model);
         let timing = &setup.model.timing;
         let learned = self.measured.reply_times.wait(class);
         let wait = if station.is_known_silent() {
@@ -205,22 +205,22 @@ impl DriveOnLine {
 
     /// Maximum wait for the start of the drive's reply to `request` before reply times are learned: the base for
     /// declared lateness.
-    pub(super) fn full_wait(&self, request: &Request, line: &Timing) -> Duration {
+    pub(super) fn full_wait(&self, request: &Request, line: &LineTiming) -> Duration {
         let wait = self
             .setup
             .timeouts
-            .of(Class::of(request, &self.setup.model));
+            .of(RequestClass::of(request, &self.setup.model));
         wait + self.setup.reply_time(request, line).1
     }
 
     /// How long after the end of `request` a stop for another drive need not wait any more, if nothing was received: every
     /// reply seen so far would have arrived by then, even through an adapter that delivers it only as a whole. `None` while
     /// too few were seen.
-    pub(super) fn patience(&self, request: &Request, line: &Timing) -> Option<Duration> {
+    pub(super) fn patience(&self, request: &Request, line: &LineTiming) -> Option<Duration> {
         let worst = self
             .measured
             .reply_times
-            .worst(Class::of(request, &self.setup.model))?;
+            .worst(RequestClass::of(request, &self.setup.model))?;
         Some(worst + self.setup.reply_time(request, line).0 + line.silence)
     }
 
@@ -231,7 +231,7 @@ impl DriveOnLine {
         now: MonoTime,
         request_end: MonoTime,
         request: &Request,
-        line: &Timing,
+        line: &LineTiming,
     ) -> MonoTime {
         let (reply, longer) = self.setup.reply_time(request, line);
         let due = request_end + self.full_wait(request, line) + (reply - longer);
@@ -239,22 +239,27 @@ impl DriveOnLine {
     }
 
     /// A write was sent and has ended with `ending`: the drive may need a pause, or hear nothing for a while.
-    pub(super) fn was_written(&mut self, now: MonoTime, request: &Request, ending: &Ending) {
+    pub(super) fn was_written(
+        &mut self,
+        now: MonoTime,
+        request: &Request,
+        ending: &ExchangeEnding,
+    ) {
         let model = &self.setup.model;
-        let class = Class::of(request, model);
-        if class == Class::Read {
+        let class = RequestClass::of(request, model);
+        if class == RequestClass::Read {
             return;
         }
         self.ordered_at = now;
         self.work.mark_changed();
         self.station
-            .pause_until(now + model.timing.pause_after(class == Class::StoredWrite));
+            .pause_until(now + model.timing.pause_after(class == RequestClass::StoredWrite));
         let deaf = request
             .written()
             .filter_map(|address| model.deaf_after(address))
             .max();
         // Without a reply it may have been taken.
-        let is_refused = matches!(ending, Ending::Exception(_));
+        let is_refused = matches!(ending, ExchangeEnding::Exception(_));
         if let Some(deaf) = deaf
             && !is_refused
         {
@@ -268,8 +273,8 @@ impl DriveOnLine {
         &mut self,
         now: MonoTime,
         request: &Request,
-        ending: &Ending,
-        effects: &mut Outbox,
+        ending: &ExchangeEnding,
+        effects: &mut EffectOutbox,
     ) {
         let (address, count) = match request {
             Request::Read { address, count } => (*address, *count),
@@ -277,16 +282,19 @@ impl DriveOnLine {
         };
         let plan = &mut self.plan;
         match ending {
-            Ending::Reply(_) => plan.answered(address, count),
-            Ending::Exception(code) => {
+            ExchangeEnding::Reply(_) => plan.answered(address, count),
+            ExchangeEnding::Exception(code) => {
                 if let Some(refused) = plan.refused((address, count), *code, &self.setup.model, now)
                 {
-                    effects.push_back(Effect::Note(self.index, Note::RegisterRefused(refused)));
+                    effects.push_back(LineEffect::Note(
+                        self.index,
+                        DriveNote::RegisterRefused(refused),
+                    ));
                     self.work.mark_changed();
                 }
             }
-            Ending::Silent => plan.unanswered(address, count, now),
-            Ending::Garbled => {}
+            ExchangeEnding::Silent => plan.unanswered(address, count, now),
+            ExchangeEnding::Garbled => {}
         }
     }
 
@@ -295,7 +303,7 @@ impl DriveOnLine {
         &mut self,
         now: MonoTime,
         fault: Fault,
-        missing: impl FnOnce() -> Missing,
+        missing: impl FnOnce() -> MissingReply,
     ) {
         let what = consequence(fault);
         let station = &mut self.station;
@@ -312,7 +320,7 @@ impl DriveOnLine {
 
     /// The drive answered. That settles missing replies, unless one of them could be mistaken for this reply: then
     /// the actual reply is `still_missing`.
-    pub(super) fn answered(&mut self, now: MonoTime, still_missing: Option<Missing>) {
+    pub(super) fn answered(&mut self, now: MonoTime, still_missing: Option<MissingReply>) {
         let station = &mut self.station;
         if let Some(missing) = still_missing {
             station.is_there();
@@ -324,31 +332,35 @@ impl DriveOnLine {
     }
 
     /// A barrier of the drive was tried.
-    pub(super) fn trial_ended(&mut self, place: usize, request: &Request, ending: &Ending) {
+    pub(super) fn trial_ended(&mut self, place: usize, request: &Request, ending: &ExchangeEnding) {
         let barriers = &mut self.barriers;
         match (request, ending) {
-            (Request::Unserved { .. }, Ending::Exception(_)) | (_, Ending::Reply(_)) => {
-                barriers.shown(place)
-            }
-            (_, Ending::Garbled) => barriers.damaged(place),
-            (_, Ending::Exception(_) | Ending::Silent) => barriers.failed(place),
+            (Request::Unserved { .. }, ExchangeEnding::Exception(_))
+            | (_, ExchangeEnding::Reply(_)) => barriers.shown(place),
+            (_, ExchangeEnding::Garbled) => barriers.damaged(place),
+            (_, ExchangeEnding::Exception(_) | ExchangeEnding::Silent) => barriers.failed(place),
         }
     }
 
-    pub(super) fn set_presence(&mut self, now: MonoTime, presence: Presence, effects: &mut Outbox) {
+    pub(super) fn set_presence(
+        &mut self,
+        now: MonoTime,
+        presence: DrivePresence,
+        effects: &mut EffectOutbox,
+    ) {
         if self.snapshot.presence == presence {
             return;
         }
         self.snapshot.presence = presence;
-        effects.push_back(Effect::Presence(self.index, presence));
-        effects.keep(self.index, Entry::Presence(presence));
+        effects.push_back(LineEffect::Presence(self.index, presence));
+        effects.keep(self.index, JournalEntry::Presence(presence));
         let bases = self
             .setup
             .model
             .registers
             .iter()
             .flat_map(|register| register.form.bases());
-        if presence == Presence::Offline {
+        if presence == DrivePresence::Offline {
             self.work.out_of_sight(effects);
             self.snapshot.forget(bases);
             self.plausibility.forget();
@@ -363,11 +375,11 @@ impl DriveOnLine {
 
 /// The drives of a line, in the order of the configuration.
 #[derive(Debug)]
-pub(super) struct Drives(Vec<DriveOnLine>);
+pub(super) struct LineDrives(Vec<DriveOnLine>);
 
-impl Drives {
+impl LineDrives {
     /// The drives of `line`, with nothing known about them at `now`.
-    pub(super) fn new(line: &LineSetup, budget: &Budget, now: MonoTime) -> Self {
+    pub(super) fn new(line: &LineSetup, budget: &PollBudget, now: MonoTime) -> Self {
         let drive = |(index, setup)| DriveOnLine::new(index, line, setup, budget, now);
         Self((0..).zip(&line.drives).map(drive).collect())
     }
@@ -422,7 +434,7 @@ impl Drives {
     }
 }
 
-impl Index<DriveIndex> for Drives {
+impl Index<DriveIndex> for LineDrives {
     type Output = DriveOnLine;
 
     fn index(&self, index: DriveIndex) -> &DriveOnLine {
@@ -430,7 +442,7 @@ impl Index<DriveIndex> for Drives {
     }
 }
 
-impl IndexMut<DriveIndex> for Drives {
+impl IndexMut<DriveIndex> for LineDrives {
     fn index_mut(&mut self, index: DriveIndex) -> &mut DriveOnLine {
         &mut self.0[index.get()]
     }

@@ -1,20 +1,20 @@
 //! The end of an exchange: who is answered, and what follows for the station.
 
-use super::core::{Flight, LineCore, Purpose};
+use super::core::{ExchangePurpose, LineCore, OpenFlight};
 use super::decide::is_stop;
 use super::drive::DriveOnLine;
 use super::execution::reason_of;
-use super::health::Done;
+use super::health::DoneExchange;
 use super::port::waiters_of;
 use crate::domain::ids::{DriveIndex, Station};
 use crate::domain::native::NativeOutcome;
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::{HeardFrame, TrafficKind};
-use crate::drive::snapshot::Presence;
-use crate::line::exchange::{Ending, Exchange, Heard, answers};
+use crate::drive::snapshot::DrivePresence;
+use crate::line::exchange::{Exchange, ExchangeEnding, HeardData, answers};
 use crate::line::fault::{Fault, consequence};
 use crate::line::schedule::ReadJob;
-use crate::line::station::{Missing, Stray};
+use crate::line::station::{MissingReply, StrayFrame};
 use crate::profile::model::{ExceptionKind, Model, RefusedWrite};
 use crate::wire::pdu::{Reply, Request};
 use crate::wire::{exception, framing};
@@ -26,9 +26,9 @@ pub(super) const BUSY_REST: Duration = Duration::from_millis(200);
 
 /// An exchange that is over, and what its end is worth.
 struct Over {
-    flight: Flight,
+    flight: OpenFlight,
     exchange: Exchange,
-    ending: Ending,
+    ending: ExchangeEnding,
     /// What the drive means by it if that is an exception.
     kind: Option<ExceptionKind>,
     fault: Option<Fault>,
@@ -45,8 +45,8 @@ impl LineCore {
         &mut self,
         now: MonoTime,
         exchange: Exchange,
-        ending: Ending,
-    ) -> Option<Done> {
+        ending: ExchangeEnding,
+    ) -> Option<DoneExchange> {
         let flight = self.flight.take()?;
         let drive = flight.drive;
         let silence = self.silence(&flight, &ending);
@@ -56,18 +56,18 @@ impl LineCore {
             &exchange.request,
             &self.timing,
         );
-        let is_spoilt = flight.is_spoilt && ending != Ending::Silent;
+        let is_spoilt = flight.is_spoilt && ending != ExchangeEnding::Silent;
         if let Some((reply, late)) = flight.wrong_reply {
             self.came_instead(
                 now,
                 drive,
                 (&exchange.request, reply),
                 late,
-                ending == Ending::Silent,
+                ending == ExchangeEnding::Silent,
             );
         }
         let (ending, kind) = self.judged(&flight, is_spoilt, ending);
-        let proves_nothing = flight.proves_nothing && matches!(ending, Ending::Reply(_));
+        let proves_nothing = flight.proves_nothing && matches!(ending, ExchangeEnding::Reply(_));
         if !proves_nothing {
             self.learn(&flight, &exchange, &ending);
         }
@@ -94,8 +94,8 @@ impl LineCore {
     }
 
     /// What a silence means where the exchange of `flight` ended with `ending`.
-    fn silence(&self, flight: &Flight, ending: &Ending) -> Fault {
-        if self.health.is_jammed() || matches!(flight.purpose, Purpose::Trial(_)) {
+    fn silence(&self, flight: &OpenFlight, ending: &ExchangeEnding) -> Fault {
+        if self.health.is_jammed() || matches!(flight.purpose, ExchangePurpose::Trial(_)) {
             Fault::Ignored
         } else if self.is_unreachable(flight.drive, ending) {
             Fault::Unreachable
@@ -109,7 +109,7 @@ impl LineCore {
         &self,
         now: MonoTime,
         drive: DriveIndex,
-        (request, ending, kind): (&Request, &Ending, Option<ExceptionKind>),
+        (request, ending, kind): (&Request, &ExchangeEnding, Option<ExceptionKind>),
         silence: Fault,
     ) -> Option<Fault> {
         let drive = &self.drives[drive];
@@ -129,7 +129,7 @@ impl LineCore {
     fn drive_learns(&mut self, now: MonoTime, over: &Over) {
         let drive = over.flight.drive;
         let request = &over.exchange.request;
-        let missing = || Missing {
+        let missing = || MissingReply {
             request: request.clone(),
             sent_at: over.flight.request_end,
             until: over.until,
@@ -142,12 +142,12 @@ impl LineCore {
                     .station
                     .exchange_ended(request, over.flight.noise > 1, now);
                 self.drives[drive].answered(now, over.doubt.then(missing));
-                self.drives[drive].set_presence(now, Presence::Online, &mut self.effects);
+                self.drives[drive].set_presence(now, DrivePresence::Online, &mut self.effects);
             }
             Some(fault) => {
                 self.drives[drive].was_not_answered(now, fault, missing);
                 if consequence(fault).drive_is_there {
-                    self.drives[drive].set_presence(now, Presence::Online, &mut self.effects);
+                    self.drives[drive].set_presence(now, DrivePresence::Online, &mut self.effects);
                 }
             }
         }
@@ -162,13 +162,13 @@ impl LineCore {
     }
 
     /// What the exchange says about the health of the line.
-    fn done(&self, over: &Over) -> Done {
+    fn done(&self, over: &Over) -> DoneExchange {
         let fault = if over.proves_nothing {
             Some(Fault::Stray)
         } else {
             over.fault
         };
-        Done {
+        DoneExchange {
             drive: over.flight.drive,
             fault,
             counts: matches!(fault, None | Some(Fault::Garbled | Fault::DamagedRequest))
@@ -189,7 +189,7 @@ impl LineCore {
             kind,
             ..
         } = over;
-        let Flight {
+        let OpenFlight {
             drive,
             purpose,
             request_end,
@@ -203,9 +203,12 @@ impl LineCore {
             .min(now)
             .min(request_end + exchange.timeout);
         self.take_words(now, read_at, drive, &purpose, (&exchange.request, &ending));
-        let answers = matches!(ending, Ending::Reply(_) | Ending::Exception(_));
-        let is_damaged = ending == Ending::Garbled || noise > 0;
-        if let Purpose::Work(rank) = purpose {
+        let answers = matches!(
+            ending,
+            ExchangeEnding::Reply(_) | ExchangeEnding::Exception(_)
+        );
+        let is_damaged = ending == ExchangeEnding::Garbled || noise > 0;
+        if let ExchangePurpose::Work(rank) = purpose {
             self.between_ended(now, drive, rank, &ending);
         }
         self.tell_purpose(
@@ -224,33 +227,35 @@ impl LineCore {
     /// and confirmed by a read-back.
     fn judged(
         &self,
-        flight: &Flight,
+        flight: &OpenFlight,
         is_spoilt: bool,
-        ending: Ending,
-    ) -> (Ending, Option<ExceptionKind>) {
+        ending: ExchangeEnding,
+    ) -> (ExchangeEnding, Option<ExceptionKind>) {
         let ending = match ending {
             _ if self.health.is_jammed() || self.is_unreachable(flight.drive, &ending) => {
-                Ending::Silent
+                ExchangeEnding::Silent
             }
-            _ if is_spoilt && !matches!(flight.purpose, Purpose::Work(rank) if is_stop(rank)) => {
-                Ending::Garbled
+            _ if is_spoilt
+                && !matches!(flight.purpose, ExchangePurpose::Work(rank) if is_stop(rank)) =>
+            {
+                ExchangeEnding::Garbled
             }
             ending => ending,
         };
         let model = &self.drives[flight.drive].setup.model;
         let code = match ending {
-            Ending::Exception(code) => code,
+            ExchangeEnding::Exception(code) => code,
             // Whatever its value is, it says only that the write was received.
-            Ending::Reply(Reply::Holds { .. })
+            ExchangeEnding::Reply(Reply::Holds { .. })
                 if model.write.refused.value == RefusedWrite::EchoMayBeOld =>
             {
-                return (Ending::Reply(Reply::Echo), None);
+                return (ExchangeEnding::Reply(Reply::Echo), None);
             }
             ending => return (ending, None),
         };
         let kind = model.exception_kind(code);
         if kind == Some(ExceptionKind::DamagedFrame) {
-            (Ending::Garbled, kind)
+            (ExchangeEnding::Garbled, kind)
         } else {
             (ending, kind)
         }
@@ -262,27 +267,30 @@ impl LineCore {
         now: MonoTime,
         read_at: MonoTime,
         drive: DriveIndex,
-        purpose: &Purpose,
-        (request, ending): (&Request, &Ending),
+        purpose: &ExchangePurpose,
+        (request, ending): (&Request, &ExchangeEnding),
     ) {
-        let (Request::Read { address, .. }, Ending::Reply(Reply::Words(words))) = (request, ending)
+        let (Request::Read { address, .. }, ExchangeEnding::Reply(Reply::Words(words))) =
+            (request, ending)
         else {
             return;
         };
         let drive = &mut self.drives[drive];
         match purpose {
-            Purpose::Work(_) | Purpose::Poll => {
+            ExchangePurpose::Work(_) | ExchangePurpose::Poll => {
                 drive.take_words(now, read_at, (*address, words), &mut self.effects)
             }
-            Purpose::Read(_) => drive.take_read(now, read_at, (*address, words), &mut self.effects),
-            Purpose::Barrier | Purpose::Probe | Purpose::Trial(_) => {}
+            ExchangePurpose::Read(_) => {
+                drive.take_read(now, read_at, (*address, words), &mut self.effects)
+            }
+            ExchangePurpose::Barrier | ExchangePurpose::Probe | ExchangePurpose::Trial(_) => {}
         }
     }
 
     /// Whether `ending` is the answer of a converter whose drive is not reached, or has not answered: the drive itself
     /// was silent. A model may name these codes for a reason of the drive's own.
-    fn is_unreachable(&self, drive: DriveIndex, ending: &Ending) -> bool {
-        let Ending::Exception(
+    fn is_unreachable(&self, drive: DriveIndex, ending: &ExchangeEnding) -> bool {
+        let ExchangeEnding::Exception(
             code @ (exception::GATEWAY_PATH_UNAVAILABLE | exception::GATEWAY_TARGET_FAILED),
         ) = ending
         else {
@@ -301,61 +309,63 @@ impl LineCore {
         &mut self,
         now: MonoTime,
         drive: DriveIndex,
-        purpose: Purpose,
-        ended: (&Request, Ending, Option<ExceptionKind>),
+        purpose: ExchangePurpose,
+        ended: (&Request, ExchangeEnding, Option<ExceptionKind>),
         doubt: bool,
     ) {
         let (request, ending, kind) = ended;
         match (purpose, ending) {
-            (Purpose::Trial(place), ending) => {
+            (ExchangePurpose::Trial(place), ending) => {
                 self.drives[drive].trial_ended(place, request, &ending)
             }
-            (Purpose::Work(rank), ending) => {
+            (ExchangePurpose::Work(rank), ending) => {
                 let work = &mut self.drives[drive].work;
                 work.ended(rank, request, &ending, doubt, now, &mut self.effects);
             }
-            (Purpose::Read(job), Ending::Exception(_))
+            (ExchangePurpose::Read(job), ExchangeEnding::Exception(_))
                 if kind == Some(ExceptionKind::Busy)
                     && !job.repeated
                     && self.is_waited_for(&job) =>
             {
                 self.repeat(job);
             }
-            (Purpose::Read(job), Ending::Reply(Reply::Words(words))) => self.deliver(job, words),
-            (Purpose::Read(job), Ending::Reply(Reply::Echo)) => {
+            (ExchangePurpose::Read(job), ExchangeEnding::Reply(Reply::Words(words))) => {
+                self.deliver(job, words)
+            }
+            (ExchangePurpose::Read(job), ExchangeEnding::Reply(Reply::Echo)) => {
                 self.end_all(job.waiters, &NativeOutcome::Written)
             }
-            (purpose, Ending::Reply(_)) => {
+            (purpose, ExchangeEnding::Reply(_)) => {
                 self.end_all(waiters_of(purpose), &NativeOutcome::NoReply)
             }
-            (purpose, Ending::Exception(code)) => {
+            (purpose, ExchangeEnding::Exception(code)) => {
                 let reason = reason_of(kind);
                 self.end_all(
                     waiters_of(purpose),
                     &NativeOutcome::DriveException { code, reason },
                 );
             }
-            (purpose, ending @ (Ending::Garbled | Ending::Silent)) => {
+            (purpose, ending @ (ExchangeEnding::Garbled | ExchangeEnding::Silent)) => {
                 self.read_failed(purpose, &ending)
             }
         }
     }
 
-    fn count_end(&mut self, drive: DriveIndex, request: &Request, ending: &Ending) {
+    fn count_end(&mut self, drive: DriveIndex, request: &Request, ending: &ExchangeEnding) {
         let is_silent_write = takes_in_silence(&self.drives[drive].setup.model, request);
         let line = &mut self.counters;
         let drive = &mut self.drives[drive].measured.exchanges;
         let (line, drive) = match ending {
-            Ending::Reply(_) => (&mut line.replies, &mut drive.replies),
+            ExchangeEnding::Reply(_) => (&mut line.replies, &mut drive.replies),
             // A refusal that was provoked is the correct reply.
-            Ending::Exception(_) if matches!(request, Request::Unserved { .. }) => {
+            ExchangeEnding::Exception(_) if matches!(request, Request::Unserved { .. }) => {
                 (&mut line.replies, &mut drive.replies)
             }
             // So is a silence that was announced.
-            Ending::Silent if is_silent_write => (&mut line.replies, &mut drive.replies),
-            Ending::Exception(_) => (&mut line.exceptions, &mut drive.exceptions),
-            Ending::Garbled => (&mut line.garbled, &mut drive.garbled),
-            Ending::Silent => (&mut line.silent, &mut drive.silent),
+            ExchangeEnding::Silent if is_silent_write => (&mut line.replies, &mut drive.replies),
+            ExchangeEnding::Exception(_) => (&mut line.exceptions, &mut drive.exceptions),
+            ExchangeEnding::Garbled => (&mut line.garbled, &mut drive.garbled),
+            ExchangeEnding::Silent => (&mut line.silent, &mut drive.silent),
         };
         *line += 1;
         *drive += 1;
@@ -411,7 +421,7 @@ impl LineCore {
     }
 
     /// Counts a frame or noise, and takes from it what it says of its station and of the request on the wire.
-    fn count_heard(&mut self, now: MonoTime, heard: &Heard, was_answered: bool) {
+    fn count_heard(&mut self, now: MonoTime, heard: &HeardData, was_answered: bool) {
         match heard.kind {
             TrafficKind::Request | TrafficKind::Reply => {}
             TrafficKind::Echo => self.counters.echoes += 1,
@@ -457,10 +467,10 @@ impl LineCore {
     }
 
     /// A poll, a barrier or a native read failed. After a damaged reply it is sent once more.
-    fn read_failed(&mut self, purpose: Purpose, ending: &Ending) {
+    fn read_failed(&mut self, purpose: ExchangePurpose, ending: &ExchangeEnding) {
         let repeats = fault_of(ending).is_some_and(|fault| consequence(fault).repeats_read);
         match purpose {
-            Purpose::Read(job) if repeats && !job.repeated && self.is_waited_for(&job) => {
+            ExchangePurpose::Read(job) if repeats && !job.repeated && self.is_waited_for(&job) => {
                 self.repeat(job)
             }
             purpose => self.end_all(waiters_of(purpose), &NativeOutcome::NoReply),
@@ -477,7 +487,7 @@ impl LineCore {
     /// No request waits for a drive that is known to be silent.
     fn forget_the_silent(&mut self, now: MonoTime, drive: DriveIndex) {
         if self.drives[drive].station.is_known_silent() {
-            self.drives[drive].set_presence(now, Presence::Offline, &mut self.effects);
+            self.drives[drive].set_presence(now, DrivePresence::Offline, &mut self.effects);
             self.drives[drive].barriers.lost();
             let waiting = self.schedule.take_reads_of(drive);
             self.end_all(
@@ -526,10 +536,10 @@ impl LineCore {
         self.health.diagnosis.stray(index.get(), stray);
         self.health.damage.stray(index.get(), stray);
         if let Some(flight) = flight
-            && stray != Stray::Explained
+            && stray != StrayFrame::Explained
         {
             flight.is_spoilt = true;
-            if let Stray::WrongForm(late) = stray {
+            if let StrayFrame::WrongForm(late) = stray {
                 flight.wrong_reply = Some((HeardFrame::of(adu), Some(late)));
             }
         }
@@ -560,8 +570,10 @@ impl LineCore {
         self.drives[drive].station.is_unexplained(late, now);
         self.health
             .diagnosis
-            .stray(drive.get(), Stray::TooMany(late));
-        self.health.damage.stray(drive.get(), Stray::TooMany(late));
+            .stray(drive.get(), StrayFrame::TooMany(late));
+        self.health
+            .damage
+            .stray(drive.get(), StrayFrame::TooMany(late));
     }
 }
 
@@ -573,10 +585,10 @@ fn takes_in_silence(model: &Model, request: &Request) -> bool {
         .any(|address| model.silent_writes().any(|silent| silent == address))
 }
 
-const fn fault_of(ending: &Ending) -> Option<Fault> {
+const fn fault_of(ending: &ExchangeEnding) -> Option<Fault> {
     match ending {
-        Ending::Reply(_) | Ending::Exception(_) => None,
-        Ending::Garbled => Some(Fault::Garbled),
-        Ending::Silent => Some(Fault::Silent),
+        ExchangeEnding::Reply(_) | ExchangeEnding::Exception(_) => None,
+        ExchangeEnding::Garbled => Some(Fault::Garbled),
+        ExchangeEnding::Silent => Some(Fault::Silent),
     }
 }

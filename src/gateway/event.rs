@@ -1,6 +1,6 @@
 //! The inputs and effects of a line.
 
-use super::note::{LineNote, Note};
+use super::note::{DriveNote, LineNote};
 use crate::domain::command::{CommandAnswer, CommandRequest, Owner};
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::link::PortKind;
@@ -8,14 +8,14 @@ use crate::domain::native::{NativeAnswer, NativeRequest};
 use crate::domain::report::LineFault;
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::TrafficRecord;
-use crate::drive::snapshot::Presence;
+use crate::drive::snapshot::DrivePresence;
 use crate::drive::view::TripEvent;
-use crate::journal::{Keep, RowNumber};
+use crate::journal::{EntryToKeep, RowNumber};
 use std::sync::Arc;
 
 /// An input of a line.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Input<'a> {
+pub enum LineInput<'a> {
     /// Bytes were read from the port.
     Bytes(&'a [u8]),
     /// A port of this kind was opened; bytes received before are discarded.
@@ -62,7 +62,7 @@ pub enum Input<'a> {
 
 /// An action for the caller to execute.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Effect {
+pub enum LineEffect {
     /// Write these bytes to the port, at once and in one piece, if [`may_transmit`](super::LineCore::may_transmit) still allows
     /// that, and say with [`transmitted`](super::LineCore::transmitted) that it is done.
     Transmit(Vec<u8>),
@@ -73,23 +73,23 @@ pub enum Effect {
     /// Deliver this report to the client that gave the command.
     Command(CommandAnswer),
     /// Keep this in the journal.
-    Keep(Keep),
+    Keep(EntryToKeep),
     /// A drive has tripped, or its trip is over. With a journal, this is for the log alone: clients are informed from
     /// there.
     Trip(DriveIndex, TripEvent),
     /// Log this note on a drive.
-    Note(DriveIndex, Note),
+    Note(DriveIndex, DriveNote),
     /// Log this note on the line as a whole.
     LineNote(LineNote),
     /// A drive went online or offline.
-    Presence(DriveIndex, Presence),
+    Presence(DriveIndex, DrivePresence),
     /// For watchers of the line; only while traffic is reported.
     Traffic(TrafficRecord),
 }
 
-/// When [`Input::Time`] is due, and why.
+/// When [`LineInput::Time`] is due, and why.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Wake {
+pub struct LineWake {
     /// At this moment.
     pub at: MonoTime,
     /// The reason.

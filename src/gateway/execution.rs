@@ -7,12 +7,12 @@ mod silence;
 #[cfg(test)]
 mod tests;
 
-use super::waiter::Waiter;
+use super::waiter::ReportWaiter;
 use crate::domain::command::{Order, Outcome, Owner, Reason, Report};
 use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;
-use crate::drive::steps::{Step, StepPart, Write};
-use crate::guard::{Approved, Void};
+use crate::drive::steps::{CommandStep, StepPart, WriteStep};
+use crate::guard::{Approved, VoidApproval};
 use crate::profile::model::ExceptionKind;
 use crate::wire::pdu::{Reply, Request};
 use read_back::READS_MAX;
@@ -26,10 +26,10 @@ const STOPS_MAX: u8 = 4;
 
 /// One approved command and its progress.
 #[derive(Debug)]
-pub struct Execution {
+pub struct CommandExecution {
     approved: Approved,
-    waiter: Waiter,
-    stage: Stage,
+    waiter: ReportWaiter,
+    stage: CommandStage,
     /// A frame of it was sent.
     has_begun: bool,
     /// Unanswered attempts of the current read, or of the stop that ends a reset.
@@ -38,7 +38,7 @@ pub struct Execution {
     ready_at: MonoTime,
     /// Deadline for the drive to show the current condition; `None` before the first read.
     shown_until: Option<MonoTime>,
-    repeats: Repeats,
+    repeats: ResetRepeats,
     /// The reset word was not answered: only the drive's trip state shows whether it took effect.
     is_in_doubt: bool,
     /// A write was sent that the drive never answers: only what is read afterwards shows whether it took effect.
@@ -47,7 +47,7 @@ pub struct Execution {
 
 /// The stage of a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Stage {
+enum CommandStage {
     /// The step at this index.
     Step(usize),
     /// All is written; the conditions of the step at this index are being read back.
@@ -60,7 +60,7 @@ enum Stage {
 
 /// Whether the stop that ends a reset is sent again, because the drive ignored it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Repeats {
+enum ResetRepeats {
     No,
     /// The step at this index, after the current rest.
     AfterRest(usize),
@@ -69,33 +69,33 @@ enum Repeats {
 
 /// The result of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Next {
+pub enum StepResult {
     /// The execution continues, possibly with an interim report.
     Goes(Option<Report>),
     /// The execution is over.
     Ends(Report),
 }
 
-impl Execution {
+impl CommandExecution {
     /// Creates an execution for an approved command that has not begun.
     #[must_use]
-    pub const fn new(approved: Approved, waiter: Waiter) -> Self {
+    pub const fn new(approved: Approved, waiter: ReportWaiter) -> Self {
         Self {
             approved,
             waiter,
-            stage: Stage::Step(0),
+            stage: CommandStage::Step(0),
             has_begun: false,
             in_vain: 0,
             ready_at: MonoTime::ZERO,
             shown_until: None,
-            repeats: Repeats::No,
+            repeats: ResetRepeats::No,
             is_in_doubt: false,
             is_unanswered: false,
         }
     }
 
     /// The waiting client.
-    pub const fn waiter(&mut self) -> &mut Waiter {
+    pub const fn waiter(&mut self) -> &mut ReportWaiter {
         &mut self.waiter
     }
 
@@ -120,9 +120,9 @@ impl Execution {
     /// The writes that were not sent, or that the drive refused: everything from the current step on.
     pub fn parts_left(&self) -> impl Iterator<Item = StepPart> + '_ {
         let from = match self.stage {
-            Stage::Step(index) => index,
-            Stage::Resolve(index, _) => index + 1,
-            Stage::ReadBack(..) | Stage::Done => self.approved.steps().len(),
+            CommandStage::Step(index) => index,
+            CommandStage::Resolve(index, _) => index + 1,
+            CommandStage::ReadBack(..) | CommandStage::Done => self.approved.steps().len(),
         };
         self.approved
             .steps()
@@ -139,7 +139,7 @@ impl Execution {
         let (Order::Go(old), Order::Go(new)) = (self.order(), newer.order()) else {
             return false;
         };
-        self.stage == Stage::Step(0)
+        self.stage == CommandStage::Step(0)
             && !self.has_begun
             && old.registers().is_empty()
             && self.owner() == newer.owner()
@@ -151,15 +151,15 @@ impl Execution {
     #[must_use]
     pub fn request(&self) -> Option<(MonoTime, Request)> {
         let request = match self.stage {
-            Stage::Step(index) => self.approved.request(index)?,
-            Stage::ReadBack(index, shown) | Stage::Resolve(index, shown) => {
+            CommandStage::Step(index) => self.approved.request(index)?,
+            CommandStage::ReadBack(index, shown) | CommandStage::Resolve(index, shown) => {
                 let condition = self.condition(index, shown)?;
                 Request::Read {
                     address: condition.address,
                     count: condition.words(),
                 }
             }
-            Stage::Done => return None,
+            CommandStage::Done => return None,
         };
         Some((self.ready_at, request))
     }
@@ -167,30 +167,30 @@ impl Execution {
     /// The end of the rest or pause, if that is the next step, and whether the drive ignores requests until then.
     #[must_use]
     pub fn rest_at(&self, now: MonoTime) -> Option<(MonoTime, bool)> {
-        let Stage::Step(index) = self.stage else {
+        let CommandStage::Step(index) = self.stage else {
             return None;
         };
         match self.approved.steps().get(index)? {
-            Step::Rest(rest) => Some((now + *rest, true)),
-            Step::Pause(pause) => Some((now + *pause, false)),
-            Step::Check { .. }
-            | Step::Require { .. }
-            | Step::Await(_)
-            | Step::Skip(_)
-            | Step::Write(_) => None,
+            CommandStep::Rest(rest) => Some((now + *rest, true)),
+            CommandStep::Pause(pause) => Some((now + *pause, false)),
+            CommandStep::Check { .. }
+            | CommandStep::Require { .. }
+            | CommandStep::Await(_)
+            | CommandStep::Skip(_)
+            | CommandStep::Write(_) => None,
         }
     }
 
     /// Starts a rest or pause that ends at `until`; then the execution continues.
-    pub fn rest(&mut self, until: MonoTime) -> Next {
-        let Stage::Step(index) = self.stage else {
-            return Next::Goes(None);
+    pub fn rest(&mut self, until: MonoTime) -> StepResult {
+        let CommandStage::Step(index) = self.stage else {
+            return StepResult::Goes(None);
         };
         self.ready_at = until;
-        if let Repeats::AfterRest(write) = self.repeats {
-            self.repeats = Repeats::Done;
-            self.stage = Stage::Step(write);
-            return Next::Goes(None);
+        if let ResetRepeats::AfterRest(write) = self.repeats {
+            self.repeats = ResetRepeats::Done;
+            self.stage = CommandStage::Step(write);
+            return StepResult::Goes(None);
         }
         self.go_on_from(index, until)
     }
@@ -199,14 +199,16 @@ impl Execution {
     /// has begun and was delayed for too long starts nothing more.
     ///
     /// # Errors
-    /// [`Void`]
-    pub fn may_go(&self, now: MonoTime, stops: u64) -> Result<(), Void> {
+    /// [`VoidApproval`]
+    pub fn may_go(&self, now: MonoTime, stops: u64) -> Result<(), VoidApproval> {
         match self.stage {
-            Stage::Step(_) if self.has_begun && self.is_held_up(now) && !self.takes_back() => {
-                Err(Void::TooLate)
+            CommandStage::Step(_)
+                if self.has_begun && self.is_held_up(now) && !self.takes_back() =>
+            {
+                Err(VoidApproval::TooLate)
             }
-            Stage::Step(_) => self.approved.may_go(self.has_begun, now, stops),
-            Stage::ReadBack(..) | Stage::Resolve(..) | Stage::Done => Ok(()),
+            CommandStage::Step(_) => self.approved.may_go(self.has_begun, now, stops),
+            CommandStage::ReadBack(..) | CommandStage::Resolve(..) | CommandStage::Done => Ok(()),
         }
     }
 
@@ -230,7 +232,7 @@ impl Execution {
     /// Whether its first step is still pending.
     #[must_use]
     pub fn is_new(&self) -> bool {
-        self.stage == Stage::Step(0)
+        self.stage == CommandStage::Step(0)
     }
 
     /// The next request is sent.
@@ -241,12 +243,12 @@ impl Execution {
     /// Whether the next request reads what the drive is.
     #[must_use]
     pub fn reads_identity(&self) -> bool {
-        let Stage::Step(index) = self.stage else {
+        let CommandStage::Step(index) = self.stage else {
             return false;
         };
         matches!(
             self.approved.steps().get(index),
-            Some(Step::Require {
+            Some(CommandStep::Require {
                 reason: Reason::OtherDrive,
                 ..
             })
@@ -255,35 +257,40 @@ impl Execution {
 
     /// The writes in the next request; empty if it is a read.
     #[must_use]
-    pub fn present_writes(&self) -> &[Write] {
+    pub fn present_writes(&self) -> &[WriteStep] {
         match self.stage {
-            Stage::Step(index) => self.approved.steps().get(index).map_or(&[], writes_of),
-            Stage::ReadBack(..) | Stage::Resolve(..) | Stage::Done => &[],
+            CommandStage::Step(index) => self.approved.steps().get(index).map_or(&[], writes_of),
+            CommandStage::ReadBack(..) | CommandStage::Resolve(..) | CommandStage::Done => &[],
         }
     }
 
     /// The drive answered at `now`.
-    pub fn answered(&mut self, reply: &Reply, now: MonoTime) -> Next {
+    pub fn answered(&mut self, reply: &Reply, now: MonoTime) -> StepResult {
         match (self.stage, reply) {
-            (Stage::Step(index), reply) => self.step_answered(index, reply, now),
-            (Stage::ReadBack(index, shown) | Stage::Resolve(index, shown), Reply::Words(words)) => {
+            (CommandStage::Step(index), reply) => self.step_answered(index, reply, now),
+            (
+                CommandStage::ReadBack(index, shown) | CommandStage::Resolve(index, shown),
+                Reply::Words(words),
+            ) => {
                 if words.is_empty() {
                     self.unanswered()
                 } else {
                     self.shown(index, shown, words, now)
                 }
             }
-            (Stage::ReadBack(..) | Stage::Resolve(..) | Stage::Done, _) => self.unanswered(),
+            (CommandStage::ReadBack(..) | CommandStage::Resolve(..) | CommandStage::Done, _) => {
+                self.unanswered()
+            }
         }
     }
 
     /// The drive replied with an exception of this kind. A read is tried again while it is busy, a write never.
-    pub fn excepted(&mut self, code: u8, kind: Option<ExceptionKind>) -> Next {
+    pub fn excepted(&mut self, code: u8, kind: Option<ExceptionKind>) -> StepResult {
         let reads = self.present_writes().is_empty();
         if reads && kind == Some(ExceptionKind::Busy) && self.in_vain + 1 < READS_MAX {
             return self.read_again();
         }
-        if !matches!(self.stage, Stage::Step(_)) {
+        if !matches!(self.stage, CommandStage::Step(_)) {
             return self.give_up_reading();
         }
         let reason = if self.commits() {
@@ -292,7 +299,7 @@ impl Execution {
             reason_of(kind)
         };
         let failed = Report::new(Outcome::Failed, reason);
-        Next::Ends(Report {
+        StepResult::Ends(Report {
             exception: Some(code),
             register: self.required_register(),
             ..failed
@@ -301,8 +308,9 @@ impl Execution {
 
     /// The drive did not answer, or its reply was damaged. A write is not repeated: if the model can show its effect,
     /// that is read.
-    pub fn unanswered(&mut self) -> Next {
-        let (Stage::Step(index), Some(write)) = (self.stage, self.present_writes().first()) else {
+    pub fn unanswered(&mut self) -> StepResult {
+        let (CommandStage::Step(index), Some(write)) = (self.stage, self.present_writes().first())
+        else {
             return self.read_again();
         };
         let part = write.part;
@@ -316,29 +324,31 @@ impl Execution {
         match part {
             StepPart::TakesBack | StepPart::TakesStartBack => self.end_of_reset_unanswered(),
             // No register shows whether it was taken.
-            StepPart::Commit => Next::Ends(Report::new(Outcome::Unknown, Reason::NotCommitted)),
+            StepPart::Commit => {
+                StepResult::Ends(Report::new(Outcome::Unknown, Reason::NotCommitted))
+            }
             // The run word was not sent, and is not.
             StepPart::Direction(_) | StepPart::Start => {
-                Next::Ends(Report::new(Outcome::Failed, Reason::NoReply))
+                StepResult::Ends(Report::new(Outcome::Failed, Reason::NoReply))
             }
             StepPart::Reset { resets: false, .. } if is_later => self.end_of_reset_unanswered(),
             StepPart::Reset { ends, .. } if is_later => {
                 self.is_in_doubt = true;
                 match self.rest_step() {
                     Some(rest) => self.rest_before_the_end(rest),
-                    None if !ends => self.stage = Stage::Step(index + 1),
+                    None if !ends => self.stage = CommandStage::Step(index + 1),
                     None => return self.resolve(index),
                 }
-                Next::Goes(Some(Report::new(Outcome::Unknown, Reason::NoReply)))
+                StepResult::Goes(Some(Report::new(Outcome::Unknown, Reason::NoReply)))
             }
             _ => self.resolve(index),
         }
     }
 
-    fn step_answered(&mut self, index: usize, reply: &Reply, now: MonoTime) -> Next {
+    fn step_answered(&mut self, index: usize, reply: &Reply, now: MonoTime) -> StepResult {
         match (self.approved.steps().get(index), reply) {
             (
-                Some(Step::Check {
+                Some(CommandStep::Check {
                     least,
                     most,
                     reason,
@@ -347,10 +357,10 @@ impl Execution {
                 Reply::Words(words),
             ) => match words.first() {
                 Some(word) if (least..=most).contains(&word) => self.go_on_from(index, now),
-                _ => Next::Ends(Report::refused(*reason)),
+                _ => StepResult::Ends(Report::refused(*reason)),
             },
             (
-                Some(Step::Require {
+                Some(CommandStep::Require {
                     address,
                     mask,
                     values,
@@ -359,26 +369,31 @@ impl Execution {
                 Reply::Words(words),
             ) => match words.first() {
                 Some(word) if values.contains(&(word & mask)) => self.go_on_from(index, now),
-                word => Next::Ends(Report {
+                word => StepResult::Ends(Report {
                     held: word.copied(),
                     register: Some(*address),
                     ..Report::refused(*reason)
                 }),
             },
-            (Some(Step::Await(_)), Reply::Words(words)) => {
+            (Some(CommandStep::Await(_)), Reply::Words(words)) => {
                 self.awaited(index, words.first().copied(), now)
             }
-            (Some(Step::Skip(skip)), Reply::Words(words)) => {
+            (Some(CommandStep::Skip(skip)), Reply::Words(words)) => {
                 let is_met = words
                     .first()
                     .is_some_and(|word| skip.condition.is_met(*word));
                 self.go_on_from(if is_met { index + skip.count } else { index }, now)
             }
             (
-                Some(Step::Check { .. } | Step::Require { .. } | Step::Await(_) | Step::Skip(_)),
+                Some(
+                    CommandStep::Check { .. }
+                    | CommandStep::Require { .. }
+                    | CommandStep::Await(_)
+                    | CommandStep::Skip(_),
+                ),
                 _,
             ) => self.unanswered(),
-            (Some(Step::Write(writes)), Reply::Holds { value })
+            (Some(CommandStep::Write(writes)), Reply::Holds { value })
                 if writes.iter().any(|it| it.value != *value) =>
             {
                 let reason = if self.commits() {
@@ -387,34 +402,34 @@ impl Execution {
                     Reason::KeptOldValue
                 };
                 let kept = Report::new(Outcome::Failed, reason);
-                Next::Ends(Report {
+                StepResult::Ends(Report {
                     held: Some(*value),
                     ..kept
                 })
             }
-            (Some(Step::Write(_)), _) => {
+            (Some(CommandStep::Write(_)), _) => {
                 // A drive that answered after its rest needs no other.
-                let rested = self.repeats == Repeats::Done;
+                let rested = self.repeats == ResetRepeats::Done;
                 self.go_on_from(if rested { index + 1 } else { index }, now)
             }
-            (Some(Step::Rest(_) | Step::Pause(_)) | None, _) => self.end(),
+            (Some(CommandStep::Rest(_) | CommandStep::Pause(_)) | None, _) => self.end(),
         }
     }
 
-    fn go_on_from(&mut self, index: usize, now: MonoTime) -> Next {
+    fn go_on_from(&mut self, index: usize, now: MonoTime) -> StepResult {
         self.in_vain = 0;
         self.shown_until = None;
         if index + 1 < self.approved.steps().len() {
             self.ready_at = self.not_before(index + 1, now);
-            self.stage = Stage::Step(index + 1);
-            return Next::Goes(None);
+            self.stage = CommandStage::Step(index + 1);
+            return StepResult::Goes(None);
         }
         match self.next_shown(0) {
             Some(first) => {
-                self.look_at(Stage::ReadBack(first, 0));
+                self.look_at(CommandStage::ReadBack(first, 0));
                 let is_acknowledged =
                     !(self.is_in_doubt || self.is_unanswered || self.approved.is_answered_late());
-                Next::Goes(
+                StepResult::Goes(
                     is_acknowledged.then_some(Report::new(Outcome::Acknowledged, Reason::None)),
                 )
             }
@@ -423,13 +438,17 @@ impl Execution {
     }
 
     /// All steps are done: confirmed if the drive has shown the effect of all of them, else only acknowledged.
-    fn end(&mut self) -> Next {
-        let has_read_back = matches!(self.stage, Stage::ReadBack(..) | Stage::Resolve(..));
-        self.stage = Stage::Done;
+    fn end(&mut self) -> StepResult {
+        let has_read_back = matches!(
+            self.stage,
+            CommandStage::ReadBack(..) | CommandStage::Resolve(..)
+        );
+        self.stage = CommandStage::Done;
         let mut writes = self.approved.steps().iter().flat_map(writes_of);
-        let is_seen = |write: &Write| matches!(write.part, StepPart::Reset { is_seen: true, .. });
+        let is_seen =
+            |write: &WriteStep| matches!(write.part, StepPart::Reset { is_seen: true, .. });
         if self.is_in_doubt && !(has_read_back && writes.clone().any(is_seen)) {
-            return Next::Ends(Report::new(Outcome::Unknown, Reason::NoReply));
+            return StepResult::Ends(Report::new(Outcome::Unknown, Reason::NoReply));
         }
         // What comes before another write shows in the effect of that.
         let comes_before = |part| {
@@ -438,7 +457,7 @@ impl Execution {
                 StepPart::Start | StepPart::Direction(_) | StepPart::Reset { ends: false, .. }
             )
         };
-        let shows = |write: &Write| {
+        let shows = |write: &WriteStep| {
             !write.shown.is_empty() || comes_before(write.part) || write.part == StepPart::Commit
         };
         let is_proven = has_read_back
@@ -447,14 +466,14 @@ impl Execution {
                 .filter(|write| self.approved.is_silent(write))
                 .all(shows);
         if self.is_unanswered && !is_proven {
-            return Next::Ends(Report::new(Outcome::Unknown, Reason::NoReply));
+            return StepResult::Ends(Report::new(Outcome::Unknown, Reason::NoReply));
         }
         let outcome = if has_read_back && writes.all(shows) {
             Outcome::Confirmed
         } else {
             Outcome::Acknowledged
         };
-        Next::Ends(Report::new(outcome, Reason::None))
+        StepResult::Ends(Report::new(outcome, Reason::None))
     }
 
     /// Whether the next request takes over or stores what was written.
@@ -481,14 +500,14 @@ pub const fn reason_of(kind: Option<ExceptionKind>) -> Reason {
     }
 }
 
-fn writes_of(step: &Step) -> &[Write] {
+fn writes_of(step: &CommandStep) -> &[WriteStep] {
     match step {
-        Step::Write(writes) => writes,
-        Step::Check { .. }
-        | Step::Require { .. }
-        | Step::Await(_)
-        | Step::Skip(_)
-        | Step::Pause(_)
-        | Step::Rest(_) => &[],
+        CommandStep::Write(writes) => writes,
+        CommandStep::Check { .. }
+        | CommandStep::Require { .. }
+        | CommandStep::Await(_)
+        | CommandStep::Skip(_)
+        | CommandStep::Pause(_)
+        | CommandStep::Rest(_) => &[],
     }
 }

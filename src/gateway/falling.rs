@@ -7,14 +7,14 @@ const FALLS: u8 = 2;
 
 /// Readings of an output frequency that should fall.
 #[derive(Debug, Default)]
-pub struct FallWatch {
+pub struct OutputFallWatch {
     first: Option<u16>,
     last: Option<u16>,
     not_risen: u8,
     zeros: u8,
 }
 
-impl FallWatch {
+impl OutputFallWatch {
     /// Adds a reading.
     pub fn take(&mut self, raw: u16) {
         match self.last {

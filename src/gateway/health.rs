@@ -1,20 +1,20 @@
 //! Health of a line with an open port: jammed, echoing or mute; its quality, and the suspected cause.
 
 use super::core::LineCore;
-use super::event::{Effect, Wake, WakeReason};
-use super::note::{LineNote, Note};
+use super::event::{LineEffect, LineWake, WakeReason};
+use super::note::{DriveNote, LineNote};
 use super::work::DriveWork;
 use crate::domain::ids::{DriveIndex, Station};
 use crate::domain::link::{EchoPolicy, Framing};
 use crate::domain::report::{self, LineFault, LineState};
-use crate::domain::suspicion::Suspicion;
+use crate::domain::suspicion::LineSuspicion;
 use crate::domain::time::MonoTime;
 use crate::line::damage::DamageWatch;
-use crate::line::diagnosis::Diagnosis;
+use crate::line::diagnosis::LineDiagnosis;
 use crate::line::echo::LocalEcho;
 use crate::line::fault::{Fault, consequence};
-use crate::line::quality::LineQuality;
-use crate::line::timing::Timing;
+use crate::line::quality::QualityWatch;
+use crate::line::timing::LineTiming;
 use crate::wire::framing;
 use std::time::Duration;
 
@@ -37,11 +37,11 @@ const PROBE_MAX: Duration = Duration::from_secs(30);
 
 /// What is known about a line apart from its state.
 #[derive(Debug)]
-pub(super) struct Health {
+pub(super) struct LineHealth {
     /// Why no request can be sent although the port is open.
     pub trouble: Option<LineFault>,
-    pub quality: LineQuality,
-    pub diagnosis: Diagnosis,
+    pub quality: QualityWatch,
+    pub diagnosis: LineDiagnosis,
     pub damage: DamageWatch,
     /// Nothing has been received for a long time.
     pub is_mute: bool,
@@ -55,13 +55,13 @@ pub(super) struct Health {
 /// The suspicion that was last logged.
 #[derive(Debug)]
 struct LastReport {
-    suspicion: Option<Suspicion>,
+    suspicion: Option<LineSuspicion>,
     line_is_suspended: bool,
     drives_are_suspended: Vec<bool>,
 }
 
 /// An exchange that is over.
-pub(super) struct Done {
+pub(super) struct DoneExchange {
     pub drive: DriveIndex,
     /// What went wrong.
     pub fault: Option<Fault>,
@@ -70,13 +70,13 @@ pub(super) struct Done {
     pub reply_bytes: usize,
 }
 
-impl Health {
+impl LineHealth {
     pub fn new(framing: Framing, stations: impl Iterator<Item = Station> + Clone) -> Self {
         let drives = stations.clone().count();
         Self {
             trouble: None,
-            quality: LineQuality::new(drives),
-            diagnosis: Diagnosis::new(framing, stations.clone()),
+            quality: QualityWatch::new(drives),
+            diagnosis: LineDiagnosis::new(framing, stations.clone()),
             damage: DamageWatch::new(framing, stations),
             is_mute: false,
             reopen_at: MonoTime::ZERO,
@@ -114,7 +114,7 @@ impl Health {
         }
     }
 
-    pub const fn suspicion(&self) -> Option<Suspicion> {
+    pub const fn suspicion(&self) -> Option<LineSuspicion> {
         self.told.suspicion
     }
 }
@@ -130,7 +130,7 @@ impl LineCore {
     }
 
     /// Updates the health after received bytes, and after an exchange that is `done`.
-    pub(super) fn conclude(&mut self, now: MonoTime, done: Option<Done>) {
+    pub(super) fn conclude(&mut self, now: MonoTime, done: Option<DoneExchange>) {
         let has_ended = done.is_some();
         let trouble = self.health.trouble;
         if let Some(done) = done {
@@ -157,7 +157,7 @@ impl LineCore {
     }
 
     /// When the health must be checked next, whatever else happens.
-    pub(super) fn health_wake(&self) -> Option<Wake> {
+    pub(super) fn health_wake(&self) -> Option<LineWake> {
         if !self.is_open || self.wire.is_busy() {
             return None;
         }
@@ -167,7 +167,7 @@ impl LineCore {
             _ if self.drives.are_silent() => self.wire.last_byte_at() + MUTE_AFTER,
             _ => return None,
         };
-        Some(Wake {
+        Some(LineWake {
             at,
             reason: WakeReason::LineCheck,
         })
@@ -196,7 +196,7 @@ impl LineCore {
         if reopens && !self.wire.is_busy() && now >= self.health.reopen_at {
             self.health.reopen_at = now + self.health.reopen_wait;
             self.health.reopen_wait = (self.health.reopen_wait * 2).min(REOPEN_MAX);
-            self.effects.push_back(Effect::Reopen(LineFault::Mute));
+            self.effects.push_back(LineEffect::Reopen(LineFault::Mute));
         }
     }
 
@@ -246,13 +246,13 @@ impl LineCore {
             _ => {}
         }
         self.drives.works_mut().for_each(DriveWork::mark_changed);
-        self.effects.push_back(Effect::LineNote(
+        self.effects.push_back(LineEffect::LineNote(
             trouble.map_or(LineNote::Up, LineNote::Down),
         ));
     }
 
     fn tell_quality(&mut self) {
-        let Health { quality, told, .. } = &mut self.health;
+        let LineHealth { quality, told, .. } = &mut self.health;
         let line_is_suspended = quality.is_line_suspended();
         if line_is_suspended != told.line_is_suspended {
             told.line_is_suspended = line_is_suspended;
@@ -262,21 +262,21 @@ impl LineCore {
             } else {
                 LineNote::Resumed
             };
-            self.effects.push_back(Effect::LineNote(note));
+            self.effects.push_back(LineEffect::LineNote(note));
         }
         for (place, told) in (0..).zip(&mut told.drives_are_suspended) {
             let is_suspended = quality.is_suspended(usize::from(place)) && !line_is_suspended;
             if is_suspended != *told {
                 *told = is_suspended;
                 let note = if is_suspended {
-                    Note::Suspended
+                    DriveNote::Suspended
                 } else {
-                    Note::Resumed
+                    DriveNote::Resumed
                 };
                 // A state of the whole line is reported for the line.
                 if !line_is_suspended {
                     self.effects
-                        .push_back(Effect::Note(DriveIndex(place), note));
+                        .push_back(LineEffect::Note(DriveIndex(place), note));
                 }
             }
         }
@@ -284,18 +284,18 @@ impl LineCore {
 
     fn tell_suspicion(&mut self) {
         let suspicion = match self.health.trouble {
-            Some(LineFault::Jammed) => Some(Suspicion::Jam),
-            Some(LineFault::Echo) => Some(Suspicion::Echo),
+            Some(LineFault::Jammed) => Some(LineSuspicion::Jam),
+            Some(LineFault::Echo) => Some(LineSuspicion::Echo),
             _ => self.health.diagnosis.suspicion(),
         };
         if suspicion != self.health.told.suspicion {
             self.health.told.suspicion = suspicion;
             self.effects
-                .push_back(Effect::LineNote(LineNote::Suspects(suspicion)));
+                .push_back(LineEffect::LineNote(LineNote::Suspects(suspicion)));
         }
     }
 }
 
-fn jam_after(timing: &Timing) -> Duration {
+fn jam_after(timing: &LineTiming) -> Duration {
     JAM_AFTER.max(timing.on_wire(framing::max_adu_bytes(timing.framing)) * JAM_FRAMES)
 }

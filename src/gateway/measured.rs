@@ -6,7 +6,7 @@ use crate::domain::report::{LineMeasured, ReplyReport};
 use crate::domain::time::MonoTime;
 use crate::line::histogram::Histogram;
 use crate::line::reply_times::ReplyTimes;
-use crate::line::timeouts::{self, Class};
+use crate::line::timeouts::{self, RequestClass};
 use std::time::Duration;
 
 /// Minimum number of replies for a suggested time-out: the longest of fewer may be far below what the drive can need.
@@ -20,7 +20,7 @@ const GAPS_EVERY: u8 = 64;
 
 /// All measurements of one line.
 #[derive(Debug, Default)]
-pub(super) struct Measured {
+pub(super) struct LineMeasurements {
     /// What the line's report shows.
     pub(super) line: LineMeasured,
     gaps: Histogram,
@@ -39,11 +39,11 @@ pub(super) struct DriveMeasured {
     ages: [Duration; 2],
     ages_since: MonoTime,
     pub(super) planned_age: Option<Duration>,
-    pub(super) reply_counts: [ReplyCounts; Class::ALL.len()],
+    pub(super) reply_counts: [ReplyCounts; RequestClass::ALL.len()],
     pub(super) exchanges: ExchangeCounts,
 }
 
-impl Measured {
+impl LineMeasurements {
     /// The port was opened at `now`.
     pub(super) const fn port_opened(&mut self, now: MonoTime) {
         self.opened_at = now;
@@ -97,9 +97,9 @@ impl DriveMeasured {
     }
 
     /// A reply began `time` after the end of its request.
-    pub(super) fn reply_came(&mut self, class: Class, time: Duration) {
+    pub(super) fn reply_came(&mut self, class: RequestClass, time: Duration) {
         self.reply_times.add(class, time);
-        let counts = Class::ALL
+        let counts = RequestClass::ALL
             .iter()
             .position(|it| *it == class)
             .and_then(|at| self.reply_counts.get_mut(at));
@@ -121,7 +121,7 @@ impl DriveMeasured {
     }
 
     /// The reply times of one class of requests, and the time-out that they suggest.
-    pub(super) fn replies(&self, class: Class, setup: &DriveSetup) -> ReplyReport {
+    pub(super) fn replies(&self, class: RequestClass, setup: &DriveSetup) -> ReplyReport {
         let times = self.reply_times.times(class);
         let is_known = times.total() >= SUGGESTED_FROM;
         ReplyReport {

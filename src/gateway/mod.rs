@@ -55,9 +55,9 @@ mod words;
 mod work;
 
 pub use self::core::LineCore;
-pub use event::{Effect, Input, Wake, WakeReason};
+pub use event::{LineEffect, LineInput, LineWake, WakeReason};
 pub use natives::REQUESTS_MAX;
-pub use note::{LineNote, Note};
+pub use note::{DriveNote, LineNote};
 pub use setup::{DriveSetup, LineSetup};
 pub use stop::WAITERS_MAX;
 pub use work::COMMANDS_MAX;

@@ -12,16 +12,16 @@ pub const REQUESTS_MAX: usize = 4096;
 
 /// A pending request.
 #[derive(Debug)]
-struct Native {
+struct PendingNative {
     asker: AskerId,
     ticket: Ticket,
     deadline: MonoTime,
-    words: Collected,
+    words: CollectedWords,
 }
 
 /// The words received so far.
 #[derive(Debug)]
-enum Collected {
+enum CollectedWords {
     /// One frame carries all words.
     AtOnce,
     /// Several frames carry the words: the offset of each, the number of missing frames, and the words.
@@ -34,13 +34,13 @@ enum Collected {
 
 /// The pending requests of one line.
 #[derive(Debug, Default)]
-pub struct Natives {
+pub struct PendingNatives {
     last: u64,
-    waiting: HashMap<u64, Native>,
+    waiting: HashMap<u64, PendingNative>,
     deadlines: BTreeSet<(MonoTime, u64)>,
 }
 
-impl Natives {
+impl PendingNatives {
     /// Whether there is no room for another request.
     #[must_use]
     pub fn is_full(&self) -> bool {
@@ -57,11 +57,11 @@ impl Natives {
     pub fn open(&mut self, request: &NativeRequest, parts: &[u16]) -> u64 {
         self.last += 1;
         let words = if parts.len() <= 1 {
-            Collected::AtOnce
+            CollectedWords::AtOnce
         } else {
             collected(parts)
         };
-        let native = Native {
+        let native = PendingNative {
             asker: request.asker,
             ticket: request.ticket,
             deadline: request.deadline,
@@ -82,8 +82,8 @@ impl Natives {
     pub fn words(&mut self, waiter: WaiterId, words: &Arc<[u16]>) -> Option<NativeAnswer> {
         let native = self.waiting.get_mut(&waiter.request)?;
         let all = match &mut native.words {
-            Collected::AtOnce => Arc::clone(words),
-            Collected::InParts {
+            CollectedWords::AtOnce => Arc::clone(words),
+            CollectedWords::InParts {
                 starts,
                 out,
                 words: all,
@@ -138,14 +138,14 @@ impl Natives {
     }
 }
 
-fn collected(parts: &[u16]) -> Collected {
+fn collected(parts: &[u16]) -> CollectedWords {
     let mut total = 0;
     let mut starts = Vec::with_capacity(parts.len());
     for count in parts {
         starts.push(total);
         total += count;
     }
-    Collected::InParts {
+    CollectedWords::InParts {
         starts,
         out: parts.len(),
         words: vec![0; usize::from(total)],

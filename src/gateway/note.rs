@@ -6,20 +6,20 @@ use crate::domain::control::FailSafe;
 use crate::domain::fail_safe::{FailSafeRun, FailSafeStage};
 use crate::domain::frequency::Hertz;
 use crate::domain::report::LineFault;
-use crate::domain::suspicion::Suspicion;
+use crate::domain::suspicion::LineSuspicion;
 pub use crate::domain::traffic::HeardFrame;
 use crate::drive::plan::RefusedRegister;
 use crate::drive::sight::LastSeen;
 use crate::drive::status::UndocumentedState;
 use crate::drive::watchdog::WatchdogState;
-use crate::line::standby::Change;
+use crate::line::standby::StandbyChange;
 use std::time::Duration;
 
 /// An event of a drive that no request caused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Note {
+pub enum DriveNote {
     /// Contact with the controlling client was lost; the declared action runs.
-    #[error("commander lost ({owner}): the declared action is {}", .action.word())]
+    #[error("commander lost ({owner}): the declared action is {}", .action.keyword())]
     CommanderLost {
         /// The lost owner.
         owner: Owner,
@@ -27,7 +27,7 @@ pub enum Note {
         action: FailSafe,
     },
     /// The drive could not be reached for so long that its client lost control of it, although the client is there.
-    #[error("the drive is out of reach, and {owner} holds no control of it any more: the declared action is {}", .action.word())]
+    #[error("the drive is out of reach, and {owner} holds no control of it any more: the declared action is {}", .action.keyword())]
     OutOfReach {
         /// The client.
         owner: Owner,
@@ -35,11 +35,11 @@ pub enum Note {
         action: FailSafe,
     },
     /// A declared action has come further.
-    #[error("the declared {} {}", .0.action.word(), came(.0.stage))]
+    #[error("the declared {} {}", .0.action.keyword(), came(.0.stage))]
     FailSafeCame(FailSafeRun),
     /// The owner from before a restart did not return, or the gateway exited again before the owner's time was over: the
     /// declared action runs.
-    #[error("the gateway was restarted and its previous commander ({owner}) did not return: the declared action is {}", .action.word())]
+    #[error("the gateway was restarted and its previous commander ({owner}) did not return: the declared action is {}", .action.keyword())]
     Orphaned {
         /// The previous owner.
         owner: Owner,
@@ -160,10 +160,10 @@ pub enum Note {
     )]
     LeftToWatchdog,
     /// The gateway shuts down and the declared action runs.
-    #[error("the gateway is shutting down: the declared action is {}", .0.word())]
+    #[error("the gateway is shutting down: the declared action is {}", .0.keyword())]
     ShuttingDown(FailSafe),
     /// Another gateway of the line is lost while the drive was ordered to run; the declared action runs.
-    #[error("the other gateway of the line is lost: the declared action is {}", .0.word())]
+    #[error("the other gateway of the line is lost: the declared action is {}", .0.keyword())]
     GatewayLost(FailSafe),
     /// The same, and the drive goes on for a while.
     #[error(
@@ -172,7 +172,7 @@ pub enum Note {
     Adopted,
     /// The line was handed over, or came back because no other gateway took it, and the drive does not go on: its direction is
     /// not known, or a stop from before had no effect yet.
-    #[error("the line was given up on purpose, and the drive does not go on: the declared action is {}", .0.word())]
+    #[error("the line was given up on purpose, and the drive does not go on: the declared action is {}", .0.keyword())]
     LineGiven(FailSafe),
     /// The same, and the drive goes on for a while.
     #[error(
@@ -227,7 +227,7 @@ pub enum LineNote {
     HandedOver,
     /// Another gateway of the line is to send.
     #[error("listening on the line: {}", given_up(.0))]
-    GivenUp(Change),
+    GivenUp(StandbyChange),
     /// Another master was heard while this gateway was active.
     #[error("ALARM: listening on the line: rival_on_line, another {} sent {frame}; {}", sender(.is_gateway), cost(.is_gateway))]
     Rival {
@@ -239,7 +239,7 @@ pub enum LineNote {
     },
     /// The suspected cause of the failures; `None`: no longer any.
     #[error("{}", suspected(.0))]
-    Suspects(Option<Suspicion>),
+    Suspects(Option<LineSuspicion>),
 }
 
 fn silence(silent_for: &Option<Duration>) -> String {
@@ -266,22 +266,22 @@ const fn cost(is_gateway: &bool) -> &'static str {
     }
 }
 
-const fn given_up(change: &Change) -> &'static str {
+const fn given_up(change: &StandbyChange) -> &'static str {
     match change {
-        Change::Stalled => {
+        StandbyChange::Stalled => {
             "nothing was sent for too long, so another gateway may have taken it over"
         }
-        Change::Rival => "another master was heard",
-        Change::Collided => "it was taken over by another gateway at the same moment",
-        Change::Yielded => "it was given up on request",
-        Change::Deaf => {
+        StandbyChange::Rival => "another master was heard",
+        StandbyChange::Collided => "it was taken over by another gateway at the same moment",
+        StandbyChange::Yielded => "it was given up on request",
+        StandbyChange::Deaf => {
             "line_deaf, no drive was heard for some seconds: the receiver may be dead, or speed or polarity may be wrong"
         }
-        Change::TakenOver | Change::HandedOver => "it was taken over",
+        StandbyChange::TakenOver | StandbyChange::HandedOver => "it was taken over",
     }
 }
 
-fn suspected(suspicion: &Option<Suspicion>) -> String {
+fn suspected(suspicion: &Option<LineSuspicion>) -> String {
     suspicion.map_or("suspicion cleared".to_owned(), |suspicion| {
         suspicion.to_string()
     })
@@ -318,13 +318,13 @@ fn last_seen(seen: &Option<LastSeen>) -> String {
             run_state,
             output: None,
             ..
-        }) => format!("last seen {}", run_state.word()),
+        }) => format!("last seen {}", run_state.keyword()),
         Some(LastSeen {
             run_state,
             output: Some(hertz),
             ..
         }) => {
-            format!("last seen {} at {hertz} Hz", run_state.word())
+            format!("last seen {} at {hertz} Hz", run_state.keyword())
         }
     }
 }

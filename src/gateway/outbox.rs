@@ -1,18 +1,18 @@
 //! The output of a line: effects in order, including journal rows, numbered without gaps.
 
-use super::event::Effect;
-use super::waiter::{OpenAttempt, Waiter};
+use super::event::LineEffect;
+use super::waiter::{OpenAttempt, ReportWaiter};
 use crate::domain::command::{Owner, Report};
 use crate::domain::counts::CommandCounts;
 use crate::domain::ids::DriveIndex;
 use crate::domain::time::MonoTime;
-use crate::journal::{Attempt, AttemptId, Entry, Keep, RowNumber, Tried};
+use crate::journal::{AttemptId, EntryToKeep, JournalEntry, RowNumber, TriedWrite, WriteAttempt};
 use std::collections::VecDeque;
 
 /// Effects of a line that the caller has not taken yet.
 #[derive(Debug, Default)]
-pub struct Outbox {
-    effects: VecDeque<Effect>,
+pub struct EffectOutbox {
+    effects: VecDeque<LineEffect>,
     /// Whether there is a journal.
     keeps: bool,
     rows: u64,
@@ -23,7 +23,7 @@ pub struct Outbox {
     now: MonoTime,
 }
 
-impl Outbox {
+impl EffectOutbox {
     /// Creates the outbox of a line with this many `drives`. It emits journal rows only if there is a journal (`keeps`).
     #[must_use]
     pub fn new(keeps: bool, drives: usize) -> Self {
@@ -57,23 +57,23 @@ impl Outbox {
     }
 
     /// Adds an effect.
-    pub fn push_back(&mut self, effect: Effect) {
+    pub fn push_back(&mut self, effect: LineEffect) {
         self.effects.push_back(effect);
     }
 
     /// Takes the oldest effect.
-    pub fn pop_front(&mut self) -> Option<Effect> {
+    pub fn pop_front(&mut self) -> Option<LineEffect> {
         self.effects.pop_front()
     }
 
     /// Adds a journal row with `entry` about `drive`. Returns its number; `None` without a journal.
-    pub fn keep(&mut self, drive: DriveIndex, entry: Entry) -> Option<RowNumber> {
+    pub fn keep(&mut self, drive: DriveIndex, entry: JournalEntry) -> Option<RowNumber> {
         if !self.keeps {
             return None;
         }
         self.rows += 1;
         let row = RowNumber(self.rows);
-        self.effects.push_back(Effect::Keep(Keep {
+        self.effects.push_back(LineEffect::Keep(EntryToKeep {
             row,
             drive,
             at: self.now,
@@ -83,7 +83,13 @@ impl Outbox {
     }
 
     /// Records an attempt to write that ended at once with `report`.
-    pub fn attempt_ended(&mut self, drive: DriveIndex, owner: Owner, tried: Tried, report: Report) {
+    pub fn attempt_ended(
+        &mut self,
+        drive: DriveIndex,
+        owner: Owner,
+        tried: TriedWrite,
+        report: Report,
+    ) {
         self.attempt(drive, owner, tried, Some(report));
         self.count_end(drive, owner, report);
     }
@@ -93,8 +99,8 @@ impl Outbox {
         &mut self,
         drive: DriveIndex,
         owner: Owner,
-        tried: Tried,
-        waiter: &mut Waiter,
+        tried: TriedWrite,
+        waiter: &mut ReportWaiter,
     ) {
         let id = self.attempt(drive, owner, tried, None);
         waiter.set_attempt(OpenAttempt { id, owner });
@@ -102,11 +108,11 @@ impl Outbox {
 
     /// Sends `waiter` an interim or final report of its command. The end of an attempt is recorded and counted even if
     /// no client waits for it any more.
-    pub fn tell(&mut self, waiter: &mut Waiter, report: Report, is_final: bool) {
+    pub fn tell(&mut self, waiter: &mut ReportWaiter, report: Report, is_final: bool) {
         if is_final && let Some(OpenAttempt { id, owner }) = waiter.take_attempt() {
             self.keep(
                 waiter.drive(),
-                Entry::Ended {
+                JournalEntry::Ended {
                     attempt: id,
                     report,
                 },
@@ -120,14 +126,14 @@ impl Outbox {
         &mut self,
         drive: DriveIndex,
         owner: Owner,
-        tried: Tried,
+        tried: TriedWrite,
         report: Option<Report>,
     ) -> AttemptId {
         self.attempts += 1;
         let id = AttemptId(self.attempts);
         self.keep(
             drive,
-            Entry::Attempt(Attempt {
+            JournalEntry::Attempt(WriteAttempt {
                 id,
                 owner,
                 tried,

@@ -1,11 +1,11 @@
 //! Waiting times for replies, the time for late replies, and learning from reply times.
 
-use super::core::{Flight, LineCore};
+use super::core::{LineCore, OpenFlight};
 use super::drive::DriveOnLine;
 use crate::domain::ids::Station;
 use crate::domain::time::MonoTime;
-use crate::line::exchange::{Ending, Exchange};
-use crate::line::timeouts::Class;
+use crate::line::exchange::{Exchange, ExchangeEnding};
+use crate::line::timeouts::RequestClass;
 use crate::wire::framing;
 
 /// PDU size of an exception, in bytes.
@@ -61,16 +61,21 @@ impl LineCore {
     }
 
     /// Learns from an exchange that has ended, unless its reply may have been a late reply to another.
-    pub(super) fn learn(&mut self, flight: &Flight, exchange: &Exchange, ending: &Ending) {
+    pub(super) fn learn(
+        &mut self,
+        flight: &OpenFlight,
+        exchange: &Exchange,
+        ending: &ExchangeEnding,
+    ) {
         let drive = &mut self.drives[flight.drive];
         let (reply, _) = match ending {
-            Ending::Reply(_) => drive.setup.reply_time(&exchange.request, &self.timing),
-            Ending::Exception(_) => drive.setup.time_of(EXCEPTION_BYTES, &self.timing),
-            Ending::Garbled | Ending::Silent => return,
+            ExchangeEnding::Reply(_) => drive.setup.reply_time(&exchange.request, &self.timing),
+            ExchangeEnding::Exception(_) => drive.setup.time_of(EXCEPTION_BYTES, &self.timing),
+            ExchangeEnding::Garbled | ExchangeEnding::Silent => return,
         };
         if !flight.doubt {
             let began = self.wire.last_byte_at().before(reply);
-            let class = Class::of(&exchange.request, &drive.setup.model);
+            let class = RequestClass::of(&exchange.request, &drive.setup.model);
             drive
                 .measured
                 .reply_came(class, began.since(flight.request_end));
@@ -97,7 +102,10 @@ impl LineCore {
                 .wire
                 .last_byte_at()
                 .before(setup.time_of(pdu.len(), timing).0);
-            measured.reply_came(Class::of(request, &setup.model), began.since(sent_at));
+            measured.reply_came(
+                RequestClass::of(request, &setup.model),
+                began.since(sent_at),
+            );
         }
     }
 }

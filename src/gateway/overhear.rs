@@ -1,27 +1,27 @@
 //! What a listener makes of the traffic between another gateway and the drives: their picture, and what was ordered.
 
 use super::core::LineCore;
-use super::event::Effect;
-use super::note::Note;
+use super::event::LineEffect;
+use super::note::DriveNote;
 use crate::domain::address::Address;
 use crate::domain::command::Order;
 use crate::domain::ids::{DriveIndex, Station};
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::TrafficKind;
 use crate::drive::decode;
-use crate::drive::snapshot::Presence;
-use crate::line::exchange::{Ending, Heard};
-use crate::line::overheard::Overheard;
+use crate::drive::snapshot::DrivePresence;
+use crate::line::exchange::{ExchangeEnding, HeardData};
+use crate::line::overheard::OverheardFrame;
 use crate::wire::framing;
 use crate::wire::pdu::{Reply, Request};
-use crate::wire::signal::{self, Signal, SignalKind, Word};
+use crate::wire::signal::{self, Signal, SignalKind, SignalWord};
 
 /// Requests in a row that a station leaves unanswered before a listener shows it as offline.
 const SILENT_AFTER: u8 = 3;
 
 impl LineCore {
     /// A listener takes what was `heard`; returns whether it did.
-    pub(super) fn overhears(&mut self, now: MonoTime, heard: &Heard) -> bool {
+    pub(super) fn overhears(&mut self, now: MonoTime, heard: &HeardData) -> bool {
         // The reply to a stop of its own is none.
         let is_own =
             self.flight.is_some() && matches!(heard.kind, TrafficKind::Reply | TrafficKind::Echo);
@@ -50,7 +50,7 @@ impl LineCore {
         let Some(share) = &mut self.share else { return };
         // Whatever follows a question ends the time for its answer.
         share.answer = None;
-        if let Some(word) = Word::decode(station, pdu) {
+        if let Some(word) = SignalWord::decode(station, pdu) {
             share.sound_at = at;
             return self.hears_word(at, word);
         }
@@ -76,11 +76,11 @@ impl LineCore {
         share.sound_at = at;
         match share.listener.take(station, pdu) {
             // It may be the late one to a request of our own.
-            Overheard::Alone => {
+            OverheardFrame::Alone => {
                 share.gap.is_over();
                 share.rule.heard_alone(at);
             }
-            Overheard::Request {
+            OverheardFrame::Request {
                 station,
                 request,
                 unanswered,
@@ -98,7 +98,7 @@ impl LineCore {
                 self.is_unanswered(now, unanswered);
                 self.overhear_order(at, station, &request);
             }
-            Overheard::Answer {
+            OverheardFrame::Answer {
                 station,
                 request,
                 ending,
@@ -126,18 +126,18 @@ impl LineCore {
         };
         *count = count.saturating_add(1);
         if *count >= SILENT_AFTER {
-            self.drives[index].set_presence(now, Presence::Offline, &mut self.effects);
+            self.drives[index].set_presence(now, DrivePresence::Offline, &mut self.effects);
         }
     }
 
     /// The active gateway tells something that its next frames build on.
-    fn hears_word(&mut self, at: MonoTime, word: Word) {
+    fn hears_word(&mut self, at: MonoTime, word: SignalWord) {
         let Some(share) = &mut self.share else { return };
         share.another_leads(at);
         share.gap.exchange_ended(at);
         match word {
-            Word::Digest(digest) => share.differs = Some(digest != share.digest),
-            Word::Order(station, order) => {
+            SignalWord::Digest(digest) => share.differs = Some(digest != share.digest),
+            SignalWord::Order(station, order) => {
                 let told = self.drives.at_station(station);
                 told.into_iter()
                     .for_each(|index| self.drives[index].work.order_told(order, at));
@@ -156,7 +156,7 @@ impl LineCore {
             .collect();
         for drive in &unknown {
             self.effects
-                .push_back(Effect::Note(*drive, Note::HandOverRefused));
+                .push_back(LineEffect::Note(*drive, DriveNote::HandOverRefused));
         }
         unknown.is_empty()
     }
@@ -240,7 +240,7 @@ impl LineCore {
         at: MonoTime,
         index: DriveIndex,
         request: &Request,
-        ending: &Ending,
+        ending: &ExchangeEnding,
     ) {
         // The copy of a write may be its repetition, and no reply.
         if request.is_repeated_by_its_reply() {
@@ -255,8 +255,9 @@ impl LineCore {
         }
         let drive = &mut self.drives[index];
         drive.station.is_there();
-        drive.set_presence(now, Presence::Online, &mut self.effects);
-        let (Request::Read { address, .. }, Ending::Reply(Reply::Words(words))) = (request, ending)
+        drive.set_presence(now, DrivePresence::Online, &mut self.effects);
+        let (Request::Read { address, .. }, ExchangeEnding::Reply(Reply::Words(words))) =
+            (request, ending)
         else {
             return;
         };

@@ -1,14 +1,14 @@
 //! Opening and loss of the port.
 
-use super::core::{LineCore, Purpose};
+use super::core::{ExchangePurpose, LineCore};
 use crate::domain::command::Reason;
 use crate::domain::link::PortKind;
-use crate::domain::native::{NativeOutcome, Refusal};
+use crate::domain::native::{NativeOutcome, NativeRefusal};
 use crate::domain::report::{LineFault, LineState};
 use crate::domain::time::MonoTime;
 use crate::line::fault::{Fault, consequence};
 use crate::line::schedule::WaiterId;
-use crate::line::station::Missing;
+use crate::line::station::MissingReply;
 
 impl LineCore {
     pub(super) fn on_port_up(&mut self, now: MonoTime, kind: PortKind) {
@@ -111,7 +111,7 @@ impl LineCore {
             let begun = now + drive.full_wait(&exchange.request, &self.timing);
             let until = drive.may_come_until(begun, sent_at, &exchange.request, &self.timing);
             drive.station.reply_missing(
-                Missing {
+                MissingReply {
                     request: exchange.request,
                     sent_at,
                     until,
@@ -128,7 +128,7 @@ impl LineCore {
             work.line_down(now, Reason::LineDown, &mut self.effects);
         }
         let waiting = self.schedule.clear();
-        self.end_all(waiting, &NativeOutcome::Refused(Refusal::LineDown));
+        self.end_all(waiting, &NativeOutcome::Refused(NativeRefusal::LineDown));
     }
 
     /// Ends requests before their words have arrived; their other queued frames are dropped.
@@ -145,13 +145,13 @@ impl LineCore {
     }
 }
 
-pub(super) fn waiters_of(purpose: Purpose) -> Vec<WaiterId> {
+pub(super) fn waiters_of(purpose: ExchangePurpose) -> Vec<WaiterId> {
     match purpose {
-        Purpose::Read(job) => job.waiters,
-        Purpose::Work(_)
-        | Purpose::Poll
-        | Purpose::Barrier
-        | Purpose::Probe
-        | Purpose::Trial(_) => Vec::new(),
+        ExchangePurpose::Read(job) => job.waiters,
+        ExchangePurpose::Work(_)
+        | ExchangePurpose::Poll
+        | ExchangePurpose::Barrier
+        | ExchangePurpose::Probe
+        | ExchangePurpose::Trial(_) => Vec::new(),
     }
 }

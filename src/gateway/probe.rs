@@ -1,9 +1,9 @@
 //! Reads that detect an echo on the line: before the first write, and while it echoes.
 
-use super::core::{LineCore, Purpose};
+use super::core::{ExchangePurpose, LineCore};
 use super::decide::{Picked, is_stop, poll_request};
 use super::drive::DriveOnLine;
-use super::work::Want;
+use super::work::DriveWish;
 use crate::domain::ids::DriveIndex;
 use crate::domain::time::MonoTime;
 use crate::line::echo::LocalEcho;
@@ -11,7 +11,7 @@ use crate::wire::pdu::Request;
 
 impl LineCore {
     /// Whether a wish is a write that waits until a read has shown whether the line echoes. A stop never does.
-    pub(super) fn needs_probe(&self, want: &Want) -> bool {
+    pub(super) fn needs_probe(&self, want: &DriveWish) -> bool {
         let is_write = !matches!(want.request, Request::Read { .. });
         self.echo.known() == LocalEcho::Unknown && is_write && !is_stop(want.rank)
     }
@@ -66,6 +66,6 @@ impl LineCore {
             .or_else(|| reads().next())
             .map(|(drive, request)| (drive.index, request))
             .unwrap_or((drive, Request::read(0, 1)));
-        (drive, request, Purpose::Probe)
+        (drive, request, ExchangePurpose::Probe)
     }
 }

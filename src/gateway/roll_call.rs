@@ -1,18 +1,18 @@
 //! Whether another gateway listens on a shared line: the active one asks, a listener answers.
 
 use super::core::LineCore;
-use super::work::Rank;
+use super::work::WishRank;
 use crate::domain::report::LineFault;
 use crate::domain::time::MonoTime;
 use crate::line::roll_call::RollCall;
-use crate::wire::signal::{self, SignalKind, Word};
+use crate::wire::signal::{self, SignalKind, SignalWord};
 
 impl LineCore {
     /// Asks whether another gateway listens, if it is time for that. Returns whether nothing else may be sent at `now`: a
     /// stop may, and is more important than the answer.
     pub(super) fn call_roll(&mut self, now: MonoTime) -> bool {
         let has_stop = self
-            .wanted_at(Rank::RepeatedStop)
+            .wanted_at(WishRank::RepeatedStop)
             .is_some_and(|at| now >= at);
         if has_stop {
             return false;
@@ -34,7 +34,7 @@ impl LineCore {
                 )
             });
             match told {
-                Some((false, digest)) => self.send_word(now, Word::Digest(digest)),
+                Some((false, digest)) => self.send_word(now, SignalWord::Digest(digest)),
                 _ => self.send_signal(now, SignalKind::Question),
             }
         }
@@ -81,7 +81,7 @@ impl LineCore {
     pub(super) fn silent_until(&self) -> Option<MonoTime> {
         let until = self.roll_call()?.open_until()?;
         Some(
-            self.wanted_at(Rank::RepeatedStop)
+            self.wanted_at(WishRank::RepeatedStop)
                 .map_or(until, |stop| stop.min(until)),
         )
     }

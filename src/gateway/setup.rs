@@ -6,13 +6,13 @@ use crate::domain::link::EchoPolicy;
 use crate::domain::report::StopBounds;
 use crate::domain::time::MonoTime;
 use crate::drive::watchdog::WatchdogRange;
-use crate::journal::Remembered;
-use crate::line::barriers::Nonces;
-use crate::line::budget::{self, Budget, PlannedStation};
+use crate::journal::RememberedDrive;
+use crate::line::barriers::LoopNonces;
+use crate::line::budget::{self, PlannedStation, PollBudget};
 use crate::line::standby::StandbyTimes;
 use crate::line::timeouts::{ReplyTimeouts, longer_reply};
-use crate::line::timing::Timing;
-use crate::line::transaction::Wire;
+use crate::line::timing::LineTiming;
+use crate::line::transaction::LineWire;
 use crate::profile::model::Model;
 use crate::wire::pdu::Request;
 use std::sync::Arc;
@@ -22,7 +22,7 @@ use std::time::Duration;
 #[derive(Clone, Debug)]
 pub struct LineSetup {
     /// Times on the wire.
-    pub timing: Timing,
+    pub timing: LineTiming,
     /// The drives, in the order of the configuration.
     pub drives: Vec<DriveSetup>,
     /// What to do if the line echoes.
@@ -72,9 +72,9 @@ impl LineSetup {
 
     /// The wire of the line, on which nothing has been received up to `now`. Each start of the
     /// gateway numbers its requests from another place.
-    pub(super) fn wire(&self, now: MonoTime) -> Wire {
-        let mut wire = Wire::new(self.timing, now);
-        wire.number_from(Nonces::new(self.first_epoch).peek());
+    pub(super) fn wire(&self, now: MonoTime) -> LineWire {
+        let mut wire = LineWire::new(self.timing, now);
+        wire.number_from(LoopNonces::new(self.first_epoch).peek());
         if self.standby.is_some() {
             wire.listen();
         }
@@ -83,7 +83,7 @@ impl LineSetup {
 
     /// The cost of the line's polls.
     #[must_use]
-    pub fn budget(&self) -> Budget {
+    pub fn budget(&self) -> PollBudget {
         budget::of_plan(&self.timing, self.drives.iter().map(DriveSetup::planned))
     }
 }
@@ -104,7 +104,7 @@ pub struct DriveSetup {
     /// Limits of control. `None`: it is read-only for every client.
     pub control: Option<Arc<ControlSettings>>,
     /// What is known about it from a previous run of the gateway.
-    pub remembered: Remembered,
+    pub remembered: RememberedDrive,
 }
 
 impl DriveSetup {
@@ -126,13 +126,17 @@ impl DriveSetup {
     }
 
     /// Time on the wire of the reply to `request`, and the part of it that is due to characters longer than ours.
-    pub(super) fn reply_time(&self, request: &Request, timing: &Timing) -> (Duration, Duration) {
+    pub(super) fn reply_time(
+        &self,
+        request: &Request,
+        timing: &LineTiming,
+    ) -> (Duration, Duration) {
         self.time_of(request.reply_pdu_bytes(), timing)
     }
 
     /// Time on the wire of a frame from the drive with a PDU of `pdu_bytes`, and the part of it that is due to
     /// characters longer than ours.
-    pub(super) fn time_of(&self, pdu_bytes: usize, timing: &Timing) -> (Duration, Duration) {
+    pub(super) fn time_of(&self, pdu_bytes: usize, timing: &LineTiming) -> (Duration, Duration) {
         let bytes = timing.adu_bytes(pdu_bytes);
         let char_bits = self.model.timing.reply_char_bits.as_ref();
         let longer = longer_reply(timing, char_bits.map(|fact| fact.value), bytes);

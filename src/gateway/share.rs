@@ -6,19 +6,19 @@ use crate::domain::control::{ControlSettings, FailSafe};
 use crate::domain::ids::Station;
 use crate::domain::standby::OnGatewayLost;
 use crate::domain::time::MonoTime;
-use crate::line::gap::Gap;
-use crate::line::overheard::Listener;
-use crate::line::roll_call::{Answer, RollCall};
-use crate::line::standby::{SIGNALS_WITHIN, Standby};
-use crate::profile::model::{Model, Whole};
+use crate::line::gap::MasterGaps;
+use crate::line::overheard::RequestListener;
+use crate::line::roll_call::{OwedAnswer, RollCall};
+use crate::line::standby::{SIGNALS_WITHIN, StandbyRule};
+use crate::profile::model::{FractionWhole, Model};
 use crate::wire::pdu::Request;
-use crate::wire::signal::{Signal, SignalKind, Word};
+use crate::wire::signal::{Signal, SignalKind, SignalWord};
 
 /// The share of this gateway in a line.
 #[derive(Debug)]
-pub(super) struct Share {
-    pub rule: Standby,
-    pub listener: Listener,
+pub(super) struct LineShare {
+    pub rule: StandbyRule,
+    pub listener: RequestListener,
     /// Unanswered requests of others in a row, per drive.
     pub unanswered: Vec<u8>,
     /// Another gateway was heard since this one was started: what it remembers of the orders then is out of date.
@@ -33,9 +33,9 @@ pub(super) struct Share {
     /// While this gateway is active: whether another one listens.
     pub roll_call: Option<RollCall>,
     /// The answer that it owes as a listener.
-    pub answer: Option<Answer>,
+    pub answer: Option<OwedAnswer>,
     /// Where a stop fits while another one sends.
-    pub gap: Gap,
+    pub gap: MasterGaps,
     /// It gave the line up by itself, and no other gateway was heard since.
     pub gave_way: bool,
     /// The signal that is on its way to the port.
@@ -45,7 +45,7 @@ pub(super) struct Share {
     /// The stop of another gateway that was heard last while this one is active, and until when its answer may come.
     pub heard_stop: Option<(Vec<u8>, MonoTime)>,
     /// What is still to be sent before the line is handed over; `None`: that is not known yet.
-    pub to_tell: Option<Vec<Word>>,
+    pub to_tell: Option<Vec<SignalWord>>,
     /// The digest of this gateway's drives was sent, and the question that follows it was not asked yet.
     pub told_digest: bool,
     /// A digest of its drives.
@@ -66,12 +66,12 @@ pub(super) struct Share {
     pub kept: u64,
 }
 
-impl Share {
+impl LineShare {
     /// The share in the line of `setup`; `None` if no other gateway shares it.
     pub fn of(setup: &LineSetup) -> Option<Self> {
         Some(Self {
-            rule: Standby::new(setup.standby?, setup.first_epoch),
-            listener: Listener::default(),
+            rule: StandbyRule::new(setup.standby?, setup.first_epoch),
+            listener: RequestListener::default(),
             unanswered: vec![0; setup.drives.len()],
             has_heard_other: false,
             has_heard_leader: false,
@@ -79,7 +79,7 @@ impl Share {
             yields_until: None,
             roll_call: None,
             answer: None,
-            gap: Gap::new(setup.standby?.answer_after, setup.first_epoch),
+            gap: MasterGaps::new(setup.standby?.answer_after, setup.first_epoch),
             gave_way: false,
             signal: None,
             role_said_at: MonoTime::ZERO,
@@ -139,7 +139,11 @@ impl Share {
                 }
             }
             SignalKind::Question if is_attentive => {
-                self.answer = Some(Answer::to_question(now, at, self.rule.times().answer_after));
+                self.answer = Some(OwedAnswer::to_question(
+                    now,
+                    at,
+                    self.rule.times().answer_after,
+                ));
             }
             SignalKind::Active
             | SignalKind::Question
@@ -215,10 +219,10 @@ fn of_control(control: &ControlSettings) -> String {
     let [forward, reverse] =
         [Direction::Forward, Direction::Reverse].map(|it| u8::from(directions.contains(&it)));
     let actions = [control.on_commander_lost, control.on_shutdown]
-        .map(FailSafe::word)
+        .map(FailSafe::keyword)
         .join(" ");
-    let on_gateway_lost = on_gateway_lost.map_or("none", OnGatewayLost::word);
-    let (bus, outside) = (control.bus.word(), control.on_output_outside.word());
+    let on_gateway_lost = on_gateway_lost.map_or("none", OnGatewayLost::keyword);
+    let (bus, outside) = (control.bus.keyword(), control.on_output_outside.keyword());
     let (least, most, lost_after) = (
         least.millihertz(),
         most.millihertz(),
@@ -236,8 +240,8 @@ fn full_scales(model: &Model) -> String {
         .iter()
         .filter_map(|register| register.form.full_scale.as_ref());
     let stated = scales.filter_map(|scale| match scale.of {
-        Whole::Fixed(hertz) => Some(hertz.millihertz().to_string()),
-        Whole::Configured | Whole::Register(_) => None,
+        FractionWhole::Fixed(hertz) => Some(hertz.millihertz().to_string()),
+        FractionWhole::Configured | FractionWhole::Register(_) => None,
     });
     stated.collect::<Vec<_>>().join(",")
 }

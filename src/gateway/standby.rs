@@ -1,22 +1,22 @@
 //! A line that several gateways share: this one listens, takes the line over, or gives it up.
 
 use super::core::LineCore;
-use super::event::{Effect, Wake, WakeReason};
+use super::event::{LineEffect, LineWake, WakeReason};
 use super::note::{HeardFrame, LineNote};
-use super::share::Share;
-use super::work::{DriveWork, Rank};
+use super::share::LineShare;
+use super::work::{DriveWork, WishRank};
 use crate::domain::ids::Station;
-use crate::domain::native::{NativeOutcome, Refusal};
+use crate::domain::native::{NativeOutcome, NativeRefusal};
 use crate::domain::report::LineFault;
 use crate::domain::standby::{LineRole, StandbyReport, StandbyTrouble};
 use crate::domain::time::MonoTime;
-use crate::domain::traffic::Why;
+use crate::domain::traffic::FramePurpose;
 use crate::line::echo::LocalEcho;
 use crate::line::roll_call::RollCall;
-use crate::line::standby::{Change, ROLE_SAID_EVERY};
+use crate::line::standby::{ROLE_SAID_EVERY, StandbyChange};
 use crate::wire::framing;
 use crate::wire::pdu::Request;
-use crate::wire::signal::{self, Signal, SignalKind, Word};
+use crate::wire::signal::{self, Signal, SignalKind, SignalWord};
 use std::time::Duration;
 
 /// How long a listener hears bytes without a sound frame before its speed or polarity must be wrong.
@@ -37,7 +37,7 @@ impl LineCore {
     /// The role of this gateway on the line; `None` if it is alone there.
     pub(super) fn standby_report(&self) -> Option<StandbyReport> {
         let share = self.share.as_ref()?;
-        let Share {
+        let LineShare {
             take_overs,
             given_up,
             rivals,
@@ -77,7 +77,7 @@ impl LineCore {
             || self.health.is_jammed()
     }
 
-    /// Asked at `now`, right before the frame of the last [`Effect::Transmit`] is handed to the port: whether it may be. A
+    /// Asked at `now`, right before the frame of the last [`LineEffect::Transmit`] is handed to the port: whether it may be. A
     /// process that was suspended since the decision may no longer send: another gateway may have taken the line over. The
     /// exchange then ends as if the drive were silent.
     pub fn may_transmit(&mut self, now: MonoTime) -> bool {
@@ -102,7 +102,7 @@ impl LineCore {
         may
     }
 
-    /// The frame of the last [`Effect::Transmit`] was handed to the port, which took until `now`.
+    /// The frame of the last [`LineEffect::Transmit`] was handed to the port, which took until `now`.
     pub fn transmitted(&mut self, now: MonoTime) {
         self.stop_was_transmitted(now);
         match self.share.as_mut().and_then(|share| share.signal.take()) {
@@ -189,7 +189,7 @@ impl LineCore {
             let told = drives
                 .iter()
                 .filter_map(|drive| Some((drive.setup.station, drive.work.order_to_tell()?)));
-            told.map(|(station, order)| Word::Order(station, order))
+            told.map(|(station, order)| SignalWord::Order(station, order))
                 .collect()
         });
         if let Some(word) = to_tell.pop() {
@@ -223,7 +223,7 @@ impl LineCore {
     /// master from a gateway by it. Returns whether it does. A stop goes first.
     pub(super) fn say_role(&mut self, now: MonoTime) -> bool {
         let has_stop = self
-            .wanted_at(Rank::RepeatedStop)
+            .wanted_at(WishRank::RepeatedStop)
             .is_some_and(|at| now >= at);
         let is_due = !has_stop && self.role_said_again_at().is_some_and(|at| now >= at);
         if is_due {
@@ -260,7 +260,7 @@ impl LineCore {
     }
 
     /// Tells the other gateways something.
-    pub(super) fn send_word(&mut self, now: MonoTime, word: Word) {
+    pub(super) fn send_word(&mut self, now: MonoTime, word: SignalWord) {
         self.send_to_gateways(now, &word.request());
     }
 
@@ -269,14 +269,14 @@ impl LineCore {
         self.wire
             .broadcast(now, signal::STATION.0, request, Duration::ZERO, &mut frame);
         self.counters.requests += 1;
-        self.transmit(now, frame, Why::Probe);
+        self.transmit(now, frame, FramePurpose::Probe);
     }
 
     /// Whether `frame` is a signal of this gateway, which has come back, or a word, which says not whose it is.
     pub(super) fn is_own_signal(&self, frame: &[u8]) -> bool {
         let decoded = framing::decode(self.timing.framing, frame);
-        let is_word =
-            decoded.is_some_and(|(station, pdu)| Word::decode(Station(station), &pdu).is_some());
+        let is_word = decoded
+            .is_some_and(|(station, pdu)| SignalWord::decode(Station(station), &pdu).is_some());
         is_word || self.signal_in(frame).is_some_and(|(_, is_own)| is_own)
     }
 
@@ -332,8 +332,8 @@ impl LineCore {
         });
         match change {
             None => {}
-            Some(change @ (Change::TakenOver | Change::HandedOver)) => {
-                self.take_line_over(now, change == Change::HandedOver);
+            Some(change @ (StandbyChange::TakenOver | StandbyChange::HandedOver)) => {
+                self.take_line_over(now, change == StandbyChange::HandedOver);
             }
             Some(change) => self.give_up_line(now, change, None),
         }
@@ -349,7 +349,7 @@ impl LineCore {
     }
 
     /// When the share in the line changes, if nothing is heard or sent before.
-    pub(super) fn share_wake(&self) -> Option<Wake> {
+    pub(super) fn share_wake(&self) -> Option<LineWake> {
         let share = self.share.as_ref().filter(|_| self.is_open)?;
         // While a stop of its own is on the wire, a listener takes no line.
         let looks_at = share.rule.looks_at().filter(|_| self.wire.is_busy());
@@ -366,7 +366,7 @@ impl LineCore {
         };
         // A jam ends with a silence, which has a wake of its own.
         let is_jammed = self.health.is_jammed() && share.rule.role() == LineRole::Listening;
-        (!is_jammed).then_some(Wake {
+        (!is_jammed).then_some(LineWake {
             at,
             reason: WakeReason::LineCheck,
         })
@@ -427,11 +427,11 @@ impl LineCore {
     }
 
     /// Ends what is on the wire and what waits, without leaving the port.
-    fn give_up_line(&mut self, now: MonoTime, change: Change, frame: Option<&[u8]>) {
+    fn give_up_line(&mut self, now: MonoTime, change: StandbyChange, frame: Option<&[u8]>) {
         self.lose_exchange(now);
         let waiting = self.schedule.clear();
-        self.end_all(waiting, &NativeOutcome::Refused(Refusal::Standby));
-        if change == Change::Deaf {
+        self.end_all(waiting, &NativeOutcome::Refused(NativeRefusal::Standby));
+        if change == StandbyChange::Deaf {
             // No other gateway was heard that might see them.
             self.lose_sight();
         }
@@ -443,7 +443,7 @@ impl LineCore {
             },
             None => LineNote::GivenUp(change),
         };
-        self.effects.push_back(Effect::LineNote(note));
+        self.effects.push_back(LineEffect::LineNote(note));
     }
 
     fn count_given_up(&mut self, now: MonoTime) {
@@ -471,13 +471,14 @@ impl LineCore {
         share.listener.clear();
         let heard_at = share.rule.heard_at();
         let is_first = !share.may_have_had_another(now);
-        self.effects.push_back(Effect::LineNote(if was_handed_over {
-            LineNote::HandedOver
-        } else {
-            LineNote::TakenOver {
-                silent_for: heard_at.map(|at| now.since(at)),
-            }
-        }));
+        self.effects
+            .push_back(LineEffect::LineNote(if was_handed_over {
+                LineNote::HandedOver
+            } else {
+                LineNote::TakenOver {
+                    silent_for: heard_at.map(|at| now.since(at)),
+                }
+            }));
         for drive in self.drives.iter_mut() {
             if let Some(heard_at) = heard_at {
                 // The last request of the other gateway may have been any.

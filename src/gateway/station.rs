@@ -6,7 +6,7 @@ use crate::domain::ids::DriveIndex;
 use crate::domain::report::StationReport;
 use crate::domain::time::MonoTime;
 use crate::line::quality::ExchangeQuality;
-use crate::line::timeouts::Class;
+use crate::line::timeouts::RequestClass;
 
 impl LineCore {
     /// The next report due at `now`, if any.
@@ -24,7 +24,7 @@ impl LineCore {
         } = self.drives.get(drive)?;
         let place = drive.get();
         Some(StationReport {
-            replies: Class::ALL.map(|class| measured.replies(class, setup)),
+            replies: RequestClass::ALL.map(|class| measured.replies(class, setup)),
             oldest_age: measured.oldest_age(),
             planned_age: measured.planned_age,
             exchanges: measured.exchanges,

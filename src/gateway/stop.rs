@@ -8,9 +8,9 @@
 mod overdue;
 mod refused;
 
-use super::falling::FallWatch;
-use super::outbox::Outbox;
-use super::waiter::Waiter;
+use super::falling::OutputFallWatch;
+use super::outbox::EffectOutbox;
+use super::waiter::ReportWaiter;
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::time::MonoTime;
 use crate::guard::StopOrder;
@@ -36,7 +36,7 @@ const LOOK_WHEN_AWAY: Duration = Duration::from_secs(2);
 #[derive(Debug)]
 pub struct StopLatch {
     order: StopOrder,
-    waiters: Vec<Waiter>,
+    waiters: Vec<ReportWaiter>,
     /// When the first of the stops merged here was accepted: an effect is expected since then.
     awaited_since: MonoTime,
     /// When the last of them was accepted.
@@ -56,7 +56,7 @@ pub struct StopLatch {
     /// The last frame was not answered: it is sent again as soon as the drive responds to anything.
     is_unanswered: bool,
     look_at: MonoTime,
-    watch: FallWatch,
+    watch: OutputFallWatch,
     /// Number of answered reads; the register to read changes with each.
     looks: usize,
     /// Consecutive unanswered reads.
@@ -88,7 +88,7 @@ enum ByClient {
 
 /// The state of the stop after an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Turn {
+pub enum StopTurn {
     /// Nothing to report.
     None,
     /// No effect in time.
@@ -102,7 +102,7 @@ pub enum Turn {
 impl StopLatch {
     /// A stop that was accepted at `now` and is sent as soon as the wire is free.
     #[must_use]
-    pub fn new(order: StopOrder, waiter: Option<Waiter>, now: MonoTime) -> Self {
+    pub fn new(order: StopOrder, waiter: Option<ReportWaiter>, now: MonoTime) -> Self {
         Self {
             order,
             by_client: if waiter.is_some() {
@@ -122,7 +122,7 @@ impl StopLatch {
             refusals: 0,
             is_unanswered: false,
             look_at: MonoTime::NEVER,
-            watch: FallWatch::default(),
+            watch: OutputFallWatch::default(),
             looks: 0,
             missed_looks: 0,
             was_told_late: false,
@@ -178,9 +178,9 @@ impl StopLatch {
     pub fn also(
         &mut self,
         order: StopOrder,
-        waiter: Option<Waiter>,
+        waiter: Option<ReportWaiter>,
         now: MonoTime,
-        out: &mut Outbox,
+        out: &mut EffectOutbox,
     ) -> bool {
         self.accepted_at = now;
         let is_other = order != self.order;
@@ -218,7 +218,7 @@ impl StopLatch {
     }
 
     /// Adds a waiting client, if there is room.
-    pub fn join(&mut self, mut waiter: Waiter, out: &mut Outbox) {
+    pub fn join(&mut self, mut waiter: ReportWaiter, out: &mut EffectOutbox) {
         if self.waiters.len() >= WAITERS_MAX {
             return out.tell(
                 &mut waiter,
@@ -341,7 +341,7 @@ impl StopLatch {
             return None;
         }
         self.is_acknowledged = true;
-        self.watch = FallWatch::default();
+        self.watch = OutputFallWatch::default();
         Some(Report::new(Outcome::Acknowledged, Reason::None))
     }
 
@@ -429,7 +429,7 @@ impl StopLatch {
                 LOOK_EVERY
             };
         if self.is_away() {
-            self.watch = FallWatch::default();
+            self.watch = OutputFallWatch::default();
         }
     }
 
@@ -439,7 +439,7 @@ impl StopLatch {
     }
 
     /// The waiting clients.
-    pub fn waiters(&mut self) -> &mut Vec<Waiter> {
+    pub fn waiters(&mut self) -> &mut Vec<ReportWaiter> {
         &mut self.waiters
     }
 }
@@ -467,7 +467,7 @@ mod tests {
             (&[5000, 0, 5000, 5000], false),
             (&[], false),
         ] {
-            let mut watch = FallWatch::default();
+            let mut watch = OutputFallWatch::default();
             for raw in readings {
                 watch.take(*raw);
             }

@@ -1,14 +1,14 @@
 //! Clients that wait for the outcome of a command, and the form of their answers.
 
-use super::event::Effect;
+use super::event::LineEffect;
 use crate::domain::command::{CommandAnswer, Outcome, Owner, Reason, Report};
 use crate::domain::ids::{AskerId, DriveIndex, Ticket};
-use crate::domain::native::{NativeAnswer, NativeOutcome, Refusal};
+use crate::domain::native::{NativeAnswer, NativeOutcome, NativeRefusal};
 use crate::journal::AttemptId;
 
 /// A client that waits for a report.
 #[derive(Debug, PartialEq, Eq)]
-pub struct Waiter {
+pub struct ReportWaiter {
     asker: AskerId,
     ticket: Ticket,
     drive: DriveIndex,
@@ -30,7 +30,7 @@ pub struct OpenAttempt {
     pub owner: Owner,
 }
 
-impl Waiter {
+impl ReportWaiter {
     /// A client that gave a command.
     #[must_use]
     pub const fn of_command(asker: AskerId, ticket: Ticket, drive: DriveIndex) -> Self {
@@ -78,7 +78,7 @@ impl Waiter {
 
     /// The answer with `report`, if this waiter still expects one. A native writer is answered once: at the drive's
     /// acknowledgement, or at the end.
-    pub fn answer(&mut self, report: Report, is_final: bool) -> Option<Effect> {
+    pub fn answer(&mut self, report: Report, is_final: bool) -> Option<LineEffect> {
         let Self {
             asker,
             ticket,
@@ -86,7 +86,7 @@ impl Waiter {
             ..
         } = *self;
         if !self.is_native {
-            return Some(Effect::Command(CommandAnswer {
+            return Some(LineEffect::Command(CommandAnswer {
                 asker,
                 ticket,
                 drive,
@@ -99,7 +99,7 @@ impl Waiter {
             return None;
         }
         self.is_answered = true;
-        Some(Effect::Answer(NativeAnswer {
+        Some(LineEffect::Answer(NativeAnswer {
             asker,
             ticket,
             outcome: native_outcome(report),
@@ -150,10 +150,10 @@ fn native_outcome(report: Report) -> NativeOutcome {
     match report.outcome {
         Outcome::Acknowledged | Outcome::Confirmed => NativeOutcome::Written,
         Outcome::Refused => NativeOutcome::Refused(match report.reason {
-            Reason::QueueFull => Refusal::QueueFull,
-            Reason::LineDown => Refusal::LineDown,
-            Reason::Standby => Refusal::Standby,
-            reason => Refusal::Guard(reason),
+            Reason::QueueFull => NativeRefusal::QueueFull,
+            Reason::LineDown => NativeRefusal::LineDown,
+            Reason::Standby => NativeRefusal::Standby,
+            reason => NativeRefusal::Guard(reason),
         }),
         Outcome::Failed => match (report.exception, report.held) {
             (Some(code), _) => NativeOutcome::DriveException {

@@ -1,14 +1,14 @@
 //! Words that a drive has sent: what they change in its picture, its plan and its own work.
 
 use super::drive::DriveOnLine;
-use super::event::Effect;
-use super::note::Note;
-use super::outbox::Outbox;
-use super::work::Reading;
+use super::event::LineEffect;
+use super::note::DriveNote;
+use super::outbox::EffectOutbox;
+use super::work::WordsOrigin;
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::drive::doubt::READ_AGAIN_AFTER;
-use crate::drive::plausible::Verdict;
+use crate::drive::plausible::PlausibilityVerdict;
 use crate::profile::model::{Model, PollClass};
 
 impl DriveOnLine {
@@ -18,7 +18,7 @@ impl DriveOnLine {
         now: MonoTime,
         read_at: MonoTime,
         read: (Address, &[u16]),
-        effects: &mut Outbox,
+        effects: &mut EffectOutbox,
     ) {
         let (address, words) = read;
         if self
@@ -48,7 +48,7 @@ impl DriveOnLine {
         if let Some(output) = self.work.impossible_output(address, words) {
             self.snapshot.forget([output]);
         }
-        let reading = Reading {
+        let reading = WordsOrigin {
             at: read_at,
             is_its_own: !self.station.is_doubtful(),
         };
@@ -66,14 +66,14 @@ impl DriveOnLine {
         &mut self,
         now: MonoTime,
         (address, words): (Address, &[u16]),
-        effects: &mut Outbox,
+        effects: &mut EffectOutbox,
     ) -> bool {
         match self.plausibility.take(address, words) {
-            Some(Verdict::Holds) => self.plan.drive_is_back(now),
-            Some(Verdict::Fails(register, held)) => {
-                effects.push_back(Effect::Note(
+            Some(PlausibilityVerdict::Holds) => self.plan.drive_is_back(now),
+            Some(PlausibilityVerdict::Fails(register, held)) => {
+                effects.push_back(LineEffect::Note(
                     self.index,
-                    Note::Implausible { register, held },
+                    DriveNote::Implausible { register, held },
                 ));
             }
             None => {}
@@ -93,7 +93,7 @@ impl DriveOnLine {
         now: MonoTime,
         read_at: MonoTime,
         read: (Address, &[u16]),
-        effects: &mut Outbox,
+        effects: &mut EffectOutbox,
     ) {
         let (mut address, mut words) = read;
         while !words.is_empty() {

@@ -1,17 +1,17 @@
 //! A drive that runs by the order of another gateway of its line, which is lost: it goes on for a while, so that its
 //! client can come back here. Nothing is started by that.
 
-use super::approved::{Lost, StopOrder};
+use super::approved::{LossAction, StopOrder};
 use super::state::DriveGuard;
-use crate::domain::command::{Direction, Manner, Order, Origin, Owner, RunIntent};
+use crate::domain::command::{Direction, Order, OrderManner, Origin, Owner, RunIntent};
 use crate::domain::control::{ControlSettings, FailSafe, LeaseMode};
 use crate::domain::standby::OnGatewayLost;
 use crate::domain::time::MonoTime;
-use crate::journal::Cause;
+use crate::journal::FailSafeCause;
 
 /// An order that was heard on the line and has no owner here yet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Adopted {
+pub(super) struct AdoptedOrder {
     /// The order.
     pub direction: Direction,
     /// When the declared action for a lost client runs, unless a client takes the order up before.
@@ -26,7 +26,7 @@ impl DriveGuard {
         direction: Option<Direction>,
         was_handed_over: bool,
         now: MonoTime,
-    ) -> Option<Lost> {
+    ) -> Option<LossAction> {
         let control = self.control.clone()?;
         self.lease = None;
         self.inhibit(now);
@@ -42,7 +42,7 @@ impl DriveGuard {
             OnGatewayLost::Hold => FailSafe::Hold,
             OnGatewayLost::Adopt => return self.adopt(direction, &control, now),
         };
-        Some(self.falls_due(None, action, Cause::GatewayLost, now))
+        Some(self.falls_due(None, action, FailSafeCause::GatewayLost, now))
     }
 
     /// This gateway gives the line up: another one controls the drive, or will.
@@ -60,7 +60,7 @@ impl DriveGuard {
     }
 
     /// The other gateway is lost at `now` before its stop took effect: it is sent again.
-    pub fn repeat_stop(&mut self, coast: bool, now: MonoTime) -> Option<Lost> {
+    pub fn repeat_stop(&mut self, coast: bool, now: MonoTime) -> Option<LossAction> {
         self.control.as_ref()?;
         self.lease = None;
         let action = if coast {
@@ -68,7 +68,7 @@ impl DriveGuard {
         } else {
             FailSafe::Stop
         };
-        Some(self.lost(None, action, Cause::GatewayLost, now))
+        Some(self.lost(None, action, FailSafeCause::GatewayLost, now))
     }
 
     /// The gateway shuts down while another one controls the drive: nothing is accepted any more, and nothing is sent.
@@ -82,12 +82,17 @@ impl DriveGuard {
         direction: Option<Direction>,
         control: &ControlSettings,
         now: MonoTime,
-    ) -> Option<Lost> {
+    ) -> Option<LossAction> {
         let Some(direction) = direction else {
-            return Some(self.falls_due(None, control.on_commander_lost, Cause::GatewayLost, now));
+            return Some(self.falls_due(
+                None,
+                control.on_commander_lost,
+                FailSafeCause::GatewayLost,
+                now,
+            ));
         };
         self.runs_already(direction);
-        self.adopted = Some(Adopted {
+        self.adopted = Some(AdoptedOrder {
             direction,
             until: now + control.lost_after,
         });
@@ -104,7 +109,7 @@ impl DriveGuard {
             return;
         }
         let is_his = match order {
-            Order::Go(_) if origin.manner == Manner::Once => false,
+            Order::Go(_) if origin.manner == OrderManner::Once => false,
             Order::Go(go) => match go.run() {
                 Some(direction) => direction == adopted.direction,
                 None => go.frequency().is_some(),
@@ -144,7 +149,7 @@ impl DriveGuard {
 
     /// Ends the adoption if its time is over at `now`, and returns the declared action; `None` if none is needed, because
     /// the order is no longer in force and the drive is `at_rest`.
-    pub(super) fn expire_adopted(&mut self, now: MonoTime, at_rest: bool) -> Option<Lost> {
+    pub(super) fn expire_adopted(&mut self, now: MonoTime, at_rest: bool) -> Option<LossAction> {
         self.adopted.filter(|adopted| adopted.until <= now)?;
         let is_over = at_rest && !self.is_adopted();
         let action = self.control.as_ref()?.on_commander_lost;
@@ -152,7 +157,7 @@ impl DriveGuard {
         if is_over {
             return None;
         }
-        Some(self.falls_due(None, action, Cause::GatewayLost, now))
+        Some(self.falls_due(None, action, FailSafeCause::GatewayLost, now))
     }
 
     /// The drive obeys an order to run in `direction` that was not given here.
@@ -184,7 +189,7 @@ impl DriveGuard {
 #[cfg(test)]
 mod tests {
     use super::super::tests::{NOW, RESTING, STOP, command, guard_of, mqtt, plc, run};
-    use super::super::{Facts, Verdict};
+    use super::super::{CommandVerdict, DriveFacts};
     use super::*;
     use crate::domain::command::{CommandRequest, Reason};
     use crate::drive::testing::{control, model};
@@ -218,7 +223,7 @@ mod tests {
                 .unwrap();
             assert_eq!(
                 (found.action, found.order.is_some(), found.cause),
-                (action, stops, Cause::GatewayLost)
+                (action, stops, FailSafeCause::GatewayLost)
             );
             assert!(
                 guard.is_start_inhibited()
@@ -248,7 +253,7 @@ mod tests {
         let ended = guard.expire(until, false).unwrap();
         assert_eq!(
             (ended.action, ended.cause),
-            (control().on_commander_lost, Cause::GatewayLost)
+            (control().on_commander_lost, FailSafeCause::GatewayLost)
         );
         assert!(!guard.is_adopted() && guard.is_start_inhibited());
         assert_eq!(guard.expire(until, false), None, "once");
@@ -256,7 +261,7 @@ mod tests {
 
     #[test]
     fn the_client_that_repeats_the_order_controls_the_drive() {
-        let facts = Facts {
+        let facts = DriveFacts {
             at_standstill: false,
             rests: false,
             ..RESTING
@@ -297,7 +302,7 @@ mod tests {
             );
             let until = guard.next_wake().unwrap();
             guard.lost_touch(NOW);
-            let facts = Facts {
+            let facts = DriveFacts {
                 at_standstill: false,
                 rests: false,
                 ..RESTING
@@ -307,7 +312,7 @@ mod tests {
             let ended = guard.expire(until, at_rest);
             assert_eq!(
                 ended.map(|lost| lost.cause),
-                (!at_rest).then_some(Cause::GatewayLost)
+                (!at_rest).then_some(FailSafeCause::GatewayLost)
             );
             assert_eq!(guard.next_wake(), None);
         }
@@ -329,7 +334,7 @@ mod tests {
         );
         assert!(matches!(
             guard.review(&command(mqtt(), STOP), &RESTING, NOW),
-            Ok(Verdict::Stop(_))
+            Ok(CommandVerdict::Stop(_))
         ));
         assert!(!guard.is_adopted() && guard.next_wake().is_none());
     }

@@ -3,9 +3,9 @@
 use crate::domain::address::Address;
 use crate::domain::command::{Direction, Order, Owner};
 use crate::domain::control::FailSafe;
-use crate::domain::fail_safe::Cause;
+use crate::domain::fail_safe::FailSafeCause;
 use crate::domain::time::MonoTime;
-use crate::drive::steps::{self, Step, Write, WriteFunctions};
+use crate::drive::steps::{self, CommandStep, WriteFunctions, WriteStep};
 use crate::profile::model::Model;
 use crate::wire::pdu::Request;
 
@@ -17,7 +17,7 @@ pub struct Approved {
     /// The drive's stop count at approval. Any later stop voids the approval.
     pub(super) stops: u64,
     pub(super) start_before: MonoTime,
-    pub(super) steps: Vec<Step>,
+    pub(super) steps: Vec<CommandStep>,
     pub(super) functions: WriteFunctions,
     /// The registers whose writes the drive never answers.
     pub(super) silent: Vec<Address>,
@@ -27,7 +27,7 @@ pub struct Approved {
 
 /// Why an approved step may not be sent any more.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Void {
+pub enum VoidApproval {
     /// A stop came after the approval.
     Stopped,
     /// Its first write missed the deadline.
@@ -55,7 +55,7 @@ impl Approved {
 
     /// The steps, in order.
     #[must_use]
-    pub fn steps(&self) -> &[Step] {
+    pub fn steps(&self) -> &[CommandStep] {
         &self.steps
     }
 
@@ -72,7 +72,7 @@ impl Approved {
 
     /// Whether the drive never answers `write`.
     #[must_use]
-    pub fn is_silent(&self, write: &Write) -> bool {
+    pub fn is_silent(&self, write: &WriteStep) -> bool {
         self.silent.contains(&write.address)
     }
 
@@ -80,13 +80,13 @@ impl Approved {
     /// count), and if nothing has been written yet, the deadline has not passed.
     ///
     /// # Errors
-    /// [`Void`]
-    pub fn may_go(&self, has_begun: bool, now: MonoTime, stops: u64) -> Result<(), Void> {
+    /// [`VoidApproval`]
+    pub fn may_go(&self, has_begun: bool, now: MonoTime, stops: u64) -> Result<(), VoidApproval> {
         if stops != self.stops {
-            return Err(Void::Stopped);
+            return Err(VoidApproval::Stopped);
         }
         if !has_begun && now >= self.start_before {
-            return Err(Void::TooLate);
+            return Err(VoidApproval::TooLate);
         }
         Ok(())
     }
@@ -95,9 +95,11 @@ impl Approved {
     #[must_use]
     pub fn request(&self, index: usize) -> Option<Request> {
         match self.steps.get(index)? {
-            Step::Write(writes) => match &writes[..] {
+            CommandStep::Write(writes) => match &writes[..] {
                 [] => None,
-                [Write { address, value, .. }] => Some(self.functions.request(*address, *value)),
+                [WriteStep { address, value, .. }] => {
+                    Some(self.functions.request(*address, *value))
+                }
                 [first, ..] => {
                     let values = writes.iter().map(|write| write.value).collect();
                     Some(Request::WriteMultiple {
@@ -106,19 +108,21 @@ impl Approved {
                     })
                 }
             },
-            Step::Check { address, .. } | Step::Require { address, .. } => Some(Request::Read {
-                address: *address,
-                count: 1,
-            }),
-            Step::Skip(skip) => Some(Request::Read {
+            CommandStep::Check { address, .. } | CommandStep::Require { address, .. } => {
+                Some(Request::Read {
+                    address: *address,
+                    count: 1,
+                })
+            }
+            CommandStep::Skip(skip) => Some(Request::Read {
                 address: skip.condition.address,
                 count: 1,
             }),
-            Step::Await(wait) => Some(Request::Read {
+            CommandStep::Await(wait) => Some(Request::Read {
                 address: wait.condition.address,
                 count: 1,
             }),
-            Step::Rest(_) | Step::Pause(_) => None,
+            CommandStep::Rest(_) | CommandStep::Pause(_) => None,
         }
     }
 }
@@ -179,13 +183,13 @@ impl StopOrder {
 
 /// The action after a client is lost, or when the gateway shuts down.
 #[derive(Debug, PartialEq, Eq)]
-pub struct Lost {
+pub struct LossAction {
     /// The owner of control.
     pub owner: Option<Owner>,
     /// The declared action.
     pub action: FailSafe,
     /// Why it runs.
-    pub cause: Cause,
+    pub cause: FailSafeCause,
     /// Its frame; `None` for hold.
     pub order: Option<StopOrder>,
 }

@@ -1,11 +1,11 @@
 //! The review of orders that require standstill: reset, release, set-up.
 
 use super::approved::Approved;
-use super::review::{Facts, Verdict, no_steps, refused};
+use super::review::{CommandVerdict, DriveFacts, no_steps, refused};
 use super::state::DriveGuard;
 use crate::domain::address::Address;
 use crate::domain::command::{
-    CommandRequest, Manner, Order, Outcome, Owner, Reason, Report, RunIntent,
+    CommandRequest, Order, OrderManner, Outcome, Owner, Reason, Report, RunIntent,
 };
 use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::time::MonoTime;
@@ -16,16 +16,16 @@ impl DriveGuard {
         &mut self,
         command: &CommandRequest,
         control: &ControlSettings,
-        facts: &Facts,
+        facts: &DriveFacts,
         now: MonoTime,
-    ) -> Result<Verdict, Report> {
+    ) -> Result<CommandVerdict, Report> {
         self.may_do(ControlAction::Reset, control)?;
         let owner = command.origin.owner;
-        let is_cyclic = command.origin.manner == Manner::Cyclic;
+        let is_cyclic = command.origin.manner == OrderManner::Cyclic;
         let held_until = now + control.lost_after;
         if is_cyclic && self.holds_reset(owner, held_until, now) {
             self.renew(owner, now);
-            return Ok(Verdict::Unchanged);
+            return Ok(CommandVerdict::Unchanged);
         }
         let stands_still = facts.at_standstill && self.intent() == RunIntent::Stop;
         match facts.tripped {
@@ -34,7 +34,7 @@ impl DriveGuard {
             // A controller that holds the reset value means only the change to it, and there is nothing to reset.
             Some(false) if is_cyclic => {
                 self.resetting.add(owner, held_until);
-                return Ok(Verdict::Unchanged);
+                return Ok(CommandVerdict::Unchanged);
             }
             Some(false) | None => return Err(refused(Reason::NotTripped)),
         }
@@ -49,7 +49,11 @@ impl DriveGuard {
         if is_cyclic {
             self.resetting.add(owner, held_until);
         }
-        Ok(Verdict::Go(self.approve(command, Order::Reset, steps)))
+        Ok(CommandVerdict::Go(self.approve(
+            command,
+            Order::Reset,
+            steps,
+        )))
     }
 
     /// Whether a reset of this model needs a final word, which may be missing.
@@ -113,31 +117,31 @@ impl DriveGuard {
         &mut self,
         command: &CommandRequest,
         control: &ControlSettings,
-        facts: &Facts,
+        facts: &DriveFacts,
         now: MonoTime,
-    ) -> Result<Verdict, Report> {
+    ) -> Result<CommandVerdict, Report> {
         if !control.allow_release {
             return Err(refused(Reason::NoRelease));
         }
         self.may_do(ControlAction::Release, control)?;
         // A controller that holds the release value means only the change to it.
-        if self.is_released && command.origin.manner == Manner::Cyclic {
-            return Ok(Verdict::Unchanged);
+        if self.is_released && command.origin.manner == OrderManner::Cyclic {
+            return Ok(CommandVerdict::Unchanged);
         }
         self.may_change_at_rest(command, facts, now)?;
         let steps = steps::of_release(&self.model).map_err(no_steps)?;
         let approved = self.approve(command, Order::Release, steps);
         self.released(now);
-        Ok(Verdict::Go(approved))
+        Ok(CommandVerdict::Go(approved))
     }
 
     pub(super) fn review_setup(
         &mut self,
         command: &CommandRequest,
         addresses: &[Address],
-        facts: &Facts,
+        facts: &DriveFacts,
         now: MonoTime,
-    ) -> Result<Verdict, Report> {
+    ) -> Result<CommandVerdict, Report> {
         if command.origin.owner != Owner::Local {
             return Err(refused(Reason::NotFromHere));
         }
@@ -149,7 +153,7 @@ impl DriveGuard {
         let commit = self.last_commit(&control, now)?;
         let mut steps = steps::of_setup(&self.model, addresses).map_err(no_steps)?;
         self.commit_after(&mut steps, commit.as_ref(), now);
-        Ok(Verdict::Go(self.approve(
+        Ok(CommandVerdict::Go(self.approve(
             command,
             Order::Setup(addresses.to_vec()),
             steps,
@@ -160,7 +164,7 @@ impl DriveGuard {
     pub(super) fn may_change_at_rest(
         &self,
         command: &CommandRequest,
-        facts: &Facts,
+        facts: &DriveFacts,
         now: MonoTime,
     ) -> Result<(), Report> {
         if facts.stop_pending {

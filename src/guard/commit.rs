@@ -1,11 +1,11 @@
 //! The words that take over or store what was written to parameters: which one follows an order, and whether it may.
 
-use super::review::{Facts, Verdict, refused};
+use super::review::{CommandVerdict, DriveFacts, refused};
 use super::state::DriveGuard;
-use crate::domain::command::{CommandRequest, Go, Reason, Report, RunIntent};
+use crate::domain::command::{CommandRequest, GoOrder, Reason, Report, RunIntent};
 use crate::domain::control::ControlSettings;
 use crate::domain::time::MonoTime;
-use crate::drive::steps::{self, Step};
+use crate::drive::steps::{self, CommandStep};
 use crate::profile::model::{CommitEffect, CommitWord};
 
 impl DriveGuard {
@@ -15,9 +15,9 @@ impl DriveGuard {
     /// Why it may not be sent now. Then nothing is written: what was written would not act, or would be lost unseen.
     pub(super) fn commit_of(
         &self,
-        go: &Go,
+        go: &GoOrder,
         control: &ControlSettings,
-        facts: &Facts,
+        facts: &DriveFacts,
         now: MonoTime,
     ) -> Result<Option<CommitWord>, Report> {
         let effect = if control.stores_native_writes {
@@ -57,7 +57,7 @@ impl DriveGuard {
     }
 
     /// Whether `go` is a word of this model that takes over or stores parameters.
-    pub(super) fn commits(&self, go: &Go) -> Option<CommitWord> {
+    pub(super) fn commits(&self, go: &GoOrder) -> Option<CommitWord> {
         let [write] = go.registers() else { return None };
         self.model.commit_at(write.address, write.value).cloned()
     }
@@ -67,15 +67,15 @@ impl DriveGuard {
         &mut self,
         command: &CommandRequest,
         word: &CommitWord,
-        facts: &Facts,
+        facts: &DriveFacts,
         now: MonoTime,
-    ) -> Result<Verdict, Report> {
+    ) -> Result<CommandVerdict, Report> {
         let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
         self.may_wear(word, &control, now)?;
         self.may_change_at_rest(command, facts, now)?;
         let mut steps = Vec::new();
         self.commit_after(&mut steps, Some(word), now);
-        Ok(Verdict::Go(self.approve(
+        Ok(CommandVerdict::Go(self.approve(
             command,
             command.order.clone(),
             steps,
@@ -85,7 +85,7 @@ impl DriveGuard {
     /// Adds `word` behind `steps`, and remembers that it wears out the drive's memory if it does.
     pub(super) fn commit_after(
         &mut self,
-        steps: &mut Vec<Step>,
+        steps: &mut Vec<CommandStep>,
         word: Option<&CommitWord>,
         now: MonoTime,
     ) {

@@ -1,20 +1,20 @@
 //! Ownership, take-over and interlocks, rule by rule.
 
 use super::tests::{NOW, RESTING, STOP, command, guard_of, mqtt, plc, register, reviewed, run};
-use super::{DriveGuard, Facts, Verdict};
+use super::{CommandVerdict, DriveFacts, DriveGuard};
 use crate::domain::command::{
-    CommandRequest, Direction, Go, Manner, Order, Origin, Owner, Reason, Rights,
+    CommandRequest, Direction, GoOrder, Order, OrderManner, Origin, Owner, Reason, Rights,
 };
 use crate::domain::control::{ControlSettings, LeaseMode, Ownership};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::testing::{control, fact, model};
-use crate::profile::model::{Memory, Model, RunForm, Watchdog};
+use crate::profile::model::{Model, ModelWatchdog, RegisterMemory, RunForm};
 use std::time::Duration;
 
 const LEASE: Duration = Duration::from_secs(3);
-const RUNNING: Facts = Facts {
+const RUNNING: DriveFacts = DriveFacts {
     at_standstill: false,
     output: Some(Hertz::from_centihertz(2000)),
     ..RESTING
@@ -23,7 +23,7 @@ const RAMP: u16 = 0x020C;
 const LOCAL: Owner = Owner::Local;
 
 fn setpoint(centihertz: u16) -> Order {
-    Order::Go(Go::new(Vec::new(), Some(Hertz::from_centihertz(centihertz)), None).unwrap())
+    Order::Go(GoOrder::new(Vec::new(), Some(Hertz::from_centihertz(centihertz)), None).unwrap())
 }
 
 /// A guard whose drive runs for MQTT.
@@ -41,9 +41,9 @@ fn at(
     guard: &mut DriveGuard,
     origin: Origin,
     order: Order,
-    facts: &Facts,
+    facts: &DriveFacts,
     now: MonoTime,
-) -> Result<Verdict, Reason> {
+) -> Result<CommandVerdict, Reason> {
     let command = CommandRequest {
         start_before: now + Duration::from_secs(1),
         ..command(origin, order)
@@ -81,7 +81,7 @@ fn control_is_taken_only_where_that_is_allowed_and_by_those_who_may_command() {
         assert_eq!(verdict.as_ref().err().copied(), told);
         if told.is_none() {
             assert!(
-                matches!(verdict, Ok(Verdict::Taken(Some(Owner::Mqtt)))),
+                matches!(verdict, Ok(CommandVerdict::Taken(Some(Owner::Mqtt)))),
                 "{verdict:?}"
             );
         }
@@ -118,12 +118,12 @@ fn who_lost_control_to_another_is_refused_and_the_taker_commands() {
     );
     assert!(matches!(
         at(&mut guard, plc(1), run(Direction::Forward), &RUNNING, NOW),
-        Ok(Verdict::Go(_))
+        Ok(CommandVerdict::Go(_))
     ));
     assert!(
         matches!(
             at(&mut guard, mqtt(), STOP, &RUNNING, NOW),
-            Ok(Verdict::Stop(_))
+            Ok(CommandVerdict::Stop(_))
         ),
         "whoever may, stops"
     );
@@ -139,18 +139,18 @@ fn a_free_drive_is_taken_only_while_it_may_turn() {
     let mut guard = guard_of(model(), settings.clone());
     assert!(matches!(
         at(&mut guard, plc(1), Order::Take, &RESTING, NOW),
-        Ok(Verdict::Unchanged)
+        Ok(CommandVerdict::Unchanged)
     ));
     assert_eq!(holder(&guard), None, "there is nothing to hold");
     assert!(matches!(
         at(&mut guard, plc(1), Order::Take, &RUNNING, NOW),
-        Ok(Verdict::Taken(None))
+        Ok(CommandVerdict::Taken(None))
     ));
     assert_eq!(holder(&guard), Some(plc(1).owner));
     let later = NOW + Duration::from_secs(1);
     assert!(matches!(
         at(&mut guard, plc(1), Order::Take, &RUNNING, later),
-        Ok(Verdict::Unchanged)
+        Ok(CommandVerdict::Unchanged)
     ));
     assert_eq!(
         guard.lease(),
@@ -182,7 +182,7 @@ fn where_anybody_may_command_control_goes_to_the_last_who_did() {
     });
     assert!(matches!(
         at(&mut guard, plc(1), setpoint(3000), &RUNNING, NOW),
-        Ok(Verdict::Go(_))
+        Ok(CommandVerdict::Go(_))
     ));
     assert_eq!(holder(&guard), Some(plc(1).owner));
     guard.setpoint_was_acknowledged(plc(1).owner, Hertz::from_centihertz(3000), NOW);
@@ -191,7 +191,7 @@ fn where_anybody_may_command_control_goes_to_the_last_who_did() {
         let later = NOW + Duration::from_secs(u64::from(last));
         assert!(matches!(
             at(&mut guard, plc(last), setpoint(3000), &RUNNING, later),
-            Ok(Verdict::Unchanged)
+            Ok(CommandVerdict::Unchanged)
         ));
         assert_eq!(guard.lease(), Some((plc(1).owner, later + LEASE)));
     }
@@ -221,7 +221,7 @@ fn a_parameter_that_a_controller_sets_is_no_sign_of_life() {
         let later = NOW + Duration::from_secs(1);
         assert!(matches!(
             at(&mut guard, owner, register(RAMP.into(), 1), &RUNNING, later),
-            Ok(Verdict::Go(_))
+            Ok(CommandVerdict::Go(_))
         ));
         let renewed_at = if renews { later } else { NOW };
         assert_eq!(guard.lease(), Some((owner.owner, renewed_at + LEASE)));
@@ -248,7 +248,7 @@ fn a_motor_is_not_started_again_too_soon() {
         ..control()
     };
     let order = || run(Direction::Forward);
-    let after = |facts: &Facts, time| {
+    let after = |facts: &DriveFacts, time| {
         let mut guard = held(settings.clone());
         guard.started(NOW);
         guard.inhibit(NOW.before(settings.restart_delay));
@@ -261,7 +261,7 @@ fn a_motor_is_not_started_again_too_soon() {
     assert_eq!(after(&RESTING, minute), Ok(()));
     assert_eq!(
         after(
-            &Facts {
+            &DriveFacts {
                 output: None,
                 ..RUNNING
             },
@@ -290,12 +290,12 @@ fn a_motor_is_not_started_again_too_soon() {
 
 #[test]
 fn a_drive_that_obeys_its_panel_is_not_commanded_but_stopped() {
-    let local = Facts {
+    let local = DriveFacts {
         is_local: Some(true),
         ..RESTING
     };
     for order in [run(Direction::Forward), setpoint(2000)] {
-        let judged = |facts: &Facts, model: Model| {
+        let judged = |facts: &DriveFacts, model: Model| {
             at(
                 &mut guard_of(model, control()),
                 mqtt(),
@@ -312,7 +312,7 @@ fn a_drive_that_obeys_its_panel_is_not_commanded_but_stopped() {
         );
         assert_eq!(
             judged(
-                &Facts {
+                &DriveFacts {
                     is_local: Some(false),
                     ..RESTING
                 },
@@ -322,7 +322,7 @@ fn a_drive_that_obeys_its_panel_is_not_commanded_but_stopped() {
         );
         assert_eq!(
             judged(
-                &Facts {
+                &DriveFacts {
                     is_local: None,
                     ..RESTING
                 },
@@ -346,7 +346,7 @@ fn a_drive_that_obeys_its_panel_is_not_commanded_but_stopped() {
     let mut guard = guard_of(model(), control());
     assert!(matches!(
         at(&mut guard, mqtt(), STOP, &local, NOW),
-        Ok(Verdict::Stop(_))
+        Ok(CommandVerdict::Stop(_))
     ));
     let ramp = at(
         &mut guard_of(model(), control()),
@@ -369,7 +369,7 @@ fn run_waits_for_a_watchdog_where_one_is_required_and_a_setpoint_does_not() {
             require_watchdog,
             ..control()
         };
-        let facts = Facts {
+        let facts = DriveFacts {
             is_watched,
             ..RESTING
         };
@@ -389,9 +389,9 @@ fn run_waits_for_a_watchdog_where_one_is_required_and_a_setpoint_does_not() {
 fn a_stored_register_is_written_seldom_and_others_as_often_as_one_likes() {
     let interval = Duration::from_secs(10);
     for (memory, told) in [
-        (Some(Memory::Stored), Err(Reason::WrittenTooOften)),
+        (Some(RegisterMemory::Stored), Err(Reason::WrittenTooOften)),
         (None, Err(Reason::WrittenTooOften)),
-        (Some(Memory::Ram), Ok(())),
+        (Some(RegisterMemory::Ram), Ok(())),
     ] {
         let mut kept = model();
         kept.registers
@@ -424,7 +424,7 @@ fn a_stored_register_is_written_seldom_and_others_as_often_as_one_likes() {
         );
         assert_eq!(write(60, interval * 2), Ok(()));
         let twice = [50, 60].map(|value| crate::domain::command::RegisterWrite::new(RAMP, value));
-        let twice = Order::Go(Go::new(twice.to_vec(), None, None).unwrap());
+        let twice = Order::Go(GoOrder::new(twice.to_vec(), None, None).unwrap());
         assert_eq!(
             at(&mut guard_of(kept, control()), mqtt(), twice, &RESTING, NOW).map(drop),
             told,
@@ -465,7 +465,7 @@ fn the_watchdog_is_set_by_the_gateways_own_tool_at_standstill_alone() {
         register.scale = 10;
         register.range = Some(0..=255);
     }
-    watched.watchdog = Some(Watchdog {
+    watched.watchdog = Some(ModelWatchdog {
         time: RAMP.into(),
         off: fact(0),
         action: None,
@@ -479,9 +479,9 @@ fn the_watchdog_is_set_by_the_gateways_own_tool_at_standstill_alone() {
             write: true,
             stop: false,
         },
-        manner: Manner::Once,
+        manner: OrderManner::Once,
     };
-    let judged = |origin, order, facts: &Facts| {
+    let judged = |origin, order, facts: &DriveFacts| {
         let mut guard = guard_of(watched.clone(), control());
         let verdict = at(&mut guard, origin, order, facts, NOW);
         assert_eq!(holder(&guard), None, "it takes no control");
@@ -489,14 +489,14 @@ fn the_watchdog_is_set_by_the_gateways_own_tool_at_standstill_alone() {
     };
     assert!(matches!(
         judged(local, register(RAMP.into(), 50), &RESTING),
-        Ok(Verdict::Go(_))
+        Ok(CommandVerdict::Go(_))
     ));
     for (origin, value, facts, reason) in [
         (local, 50, RUNNING, Reason::Moving),
         (
             local,
             50,
-            Facts {
+            DriveFacts {
                 stop_pending: true,
                 ..RESTING
             },
@@ -539,7 +539,7 @@ fn a_parameter_is_written_back_by_the_gateways_own_tool_at_standstill_listed_or_
             write: true,
             stop: false,
         },
-        manner: Manner::Once,
+        manner: OrderManner::Once,
     };
     let mut doors = model();
     for register in doors
@@ -559,7 +559,7 @@ fn a_parameter_is_written_back_by_the_gateways_own_tool_at_standstill_listed_or_
             local,
             RAMP,
             50,
-            Facts {
+            DriveFacts {
                 stop_pending: true,
                 ..RESTING
             },

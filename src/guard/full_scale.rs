@@ -5,14 +5,14 @@ use super::state::DriveGuard;
 use crate::domain::address::Address;
 use crate::domain::command::{Reason, Report};
 use crate::domain::time::MonoTime;
-use crate::drive::bases::Bases;
-use crate::profile::model::Role;
+use crate::drive::bases::FrequencyBases;
+use crate::profile::model::RegisterRole;
 use std::time::Duration;
 
 impl DriveGuard {
     /// What the frequencies of the drive are fractions of.
     #[must_use]
-    pub const fn bases(&self) -> &Bases {
+    pub const fn bases(&self) -> &FrequencyBases {
         &self.bases
     }
 
@@ -37,7 +37,7 @@ impl DriveGuard {
 
     /// Whether the full scales of the setpoint are known, fresh and settled.
     pub(super) fn knows_full_scale(&self, now: MonoTime) -> Result<(), Report> {
-        let command = self.model.register_for(Role::FrequencyCommand);
+        let command = self.model.register_for(RegisterRole::FrequencyCommand);
         let mut registers = command.into_iter().chain(self.model.setting_register());
         let all = registers.all(|register| self.bases.are_sure(register, now));
         if all {

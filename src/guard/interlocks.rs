@@ -8,13 +8,13 @@ use std::time::Duration;
 
 /// The last start and the last writes of stored registers.
 #[derive(Debug, Default)]
-pub(super) struct Interlocks {
+pub(super) struct StartInterlocks {
     started_at: Option<MonoTime>,
     /// When each stored register was last approved; no more than are listed as writable.
     written: Vec<(Address, MonoTime)>,
 }
 
-impl Interlocks {
+impl StartInterlocks {
     /// The motor was ordered to start, and the drive acknowledged it or may have received it.
     pub fn started(&mut self, now: MonoTime) {
         self.started_at = Some(now);

@@ -1,12 +1,12 @@
 //! A drive leaves the configuration, or its line is restarted: it accepts no commands any more, and a motor that runs by
 //! our order is stopped first.
 
-use super::approved::Lost;
+use super::approved::LossAction;
 use super::state::DriveGuard;
 use crate::domain::command::RunIntent;
 use crate::domain::control::FailSafe;
 use crate::domain::time::MonoTime;
-use crate::journal::Cause;
+use crate::journal::FailSafeCause;
 
 impl DriveGuard {
     /// From now on only stops are accepted, until [`Self::stay`].
@@ -33,9 +33,9 @@ impl DriveGuard {
     }
 
     /// Ends any control with a stop; `None` without a control section.
-    pub fn stop_to_leave(&mut self, now: MonoTime) -> Option<Lost> {
+    pub fn stop_to_leave(&mut self, now: MonoTime) -> Option<LossAction> {
         self.control.as_ref()?;
         let owner = self.lease.take().map(|lease| lease.owner);
-        Some(self.lost(owner, FailSafe::Stop, Cause::Removed, now))
+        Some(self.lost(owner, FailSafe::Stop, FailSafeCause::Removed, now))
     }
 }

@@ -1,10 +1,10 @@
 //! A client that is lost, and the declared action that falls due for that.
 
-use super::approved::Lost;
+use super::approved::LossAction;
 use super::state::DriveGuard;
 use crate::domain::command::{Owner, RunIntent};
 use crate::domain::control::{ControlSettings, FailSafe};
-use crate::domain::fail_safe::{Cause, FailSafeRun};
+use crate::domain::fail_safe::{FailSafeCause, FailSafeRun};
 use crate::domain::time::MonoTime;
 
 impl DriveGuard {
@@ -41,7 +41,7 @@ impl DriveGuard {
 
     /// Ends the lease if it has expired at `now`, and returns the declared action; `None` if no action is needed, because
     /// the drive is ordered to stop and is `at_rest`.
-    pub fn expire(&mut self, now: MonoTime, at_rest: bool) -> Option<Lost> {
+    pub fn expire(&mut self, now: MonoTime, at_rest: bool) -> Option<LossAction> {
         let Some(lease) = self.lease.filter(|it| it.until <= now) else {
             return self.expire_adopted(now, at_rest);
         };
@@ -59,21 +59,21 @@ impl DriveGuard {
         let is_there = lease.refused_at.is_some_and(|at| at + lost_after > now);
         let cause = match lease.orphan {
             Some(orphan) => orphan.cause(),
-            None if is_there => Cause::OutOfReach,
-            None => Cause::CommanderLost,
+            None if is_there => FailSafeCause::OutOfReach,
+            None => FailSafeCause::CommanderLost,
         };
         Some(self.falls_due(Some(lease.owner), action, cause, now))
     }
 
     /// The gateway shuts down: nothing is accepted any more. Returns the declared action for a drive under control.
-    pub fn shut_down(&mut self, now: MonoTime) -> Option<Lost> {
+    pub fn shut_down(&mut self, now: MonoTime) -> Option<LossAction> {
         self.is_ending = true;
         let action = self.control.as_ref()?.on_shutdown;
         let owner = self.lease.take().map(|lease| lease.owner);
         if owner.is_none() && !matches!(self.intent, RunIntent::Run(_)) {
             return None;
         }
-        Some(self.lost(owner, action, Cause::Shutdown, now))
+        Some(self.lost(owner, action, FailSafeCause::Shutdown, now))
     }
 
     /// Ends the order in force by a declared `action`, and inhibits the start.
@@ -81,9 +81,9 @@ impl DriveGuard {
         &mut self,
         owner: Option<Owner>,
         action: FailSafe,
-        cause: Cause,
+        cause: FailSafeCause,
         now: MonoTime,
-    ) -> Lost {
+    ) -> LossAction {
         self.inhibit(now);
         self.falls_due(owner, action, cause, now)
     }
@@ -93,9 +93,9 @@ impl DriveGuard {
         &mut self,
         owner: Option<Owner>,
         action: FailSafe,
-        cause: Cause,
+        cause: FailSafeCause,
         now: MonoTime,
-    ) -> Lost {
+    ) -> LossAction {
         self.failsafe = Some(FailSafeRun::due(action, cause, now));
         self.lost(owner, action, cause, now)
     }
@@ -104,9 +104,9 @@ impl DriveGuard {
         &mut self,
         owner: Option<Owner>,
         action: FailSafe,
-        cause: Cause,
+        cause: FailSafeCause,
         now: MonoTime,
-    ) -> Lost {
+    ) -> LossAction {
         let order = match action {
             FailSafe::Hold => None,
             FailSafe::Stop | FailSafe::Coast => self.stop_order(action == FailSafe::Coast),
@@ -114,7 +114,7 @@ impl DriveGuard {
         if let Some(order) = &order {
             self.accept_stop(None, order.is_coast(), now);
         }
-        Lost {
+        LossAction {
             owner,
             action,
             cause,

@@ -32,6 +32,6 @@ mod trial;
 #[cfg(test)]
 mod trial_tests;
 
-pub use approved::{Approved, Lost, StopOrder, Void};
-pub use review::{COMMAND_DEADLINE, Facts, Verdict};
+pub use approved::{Approved, LossAction, StopOrder, VoidApproval};
+pub use review::{COMMAND_DEADLINE, CommandVerdict, DriveFacts};
 pub use state::DriveGuard;

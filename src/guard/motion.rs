@@ -1,26 +1,27 @@
 //! The review of orders that may move a motor: setpoint and RUN, and their interlocks.
 
-use super::review::{Facts, Verdict, no_steps, refused};
+use super::review::{CommandVerdict, DriveFacts, no_steps, refused};
 use super::setting::InForce;
 use super::state::DriveGuard;
 use crate::domain::command::{
-    CommandRequest, Direction, Go, Manner, Order, Origin, Outcome, Owner, Reason, Report, RunIntent,
+    CommandRequest, Direction, GoOrder, Order, OrderManner, Origin, Outcome, Owner, Reason, Report,
+    RunIntent,
 };
 use crate::domain::control::{ControlAction, ControlSettings, Ownership};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
-use crate::drive::steps::{self, Step};
-use crate::profile::model::{Role, RunForm};
+use crate::drive::steps::{self, CommandStep};
+use crate::profile::model::{RegisterRole, RunForm};
 
 impl DriveGuard {
     pub(super) fn review_go(
         &mut self,
         command: &CommandRequest,
-        go: &Go,
+        go: &GoOrder,
         control: &ControlSettings,
-        facts: &Facts,
+        facts: &DriveFacts,
         now: MonoTime,
-    ) -> Result<Verdict, Report> {
+    ) -> Result<CommandVerdict, Report> {
         let owner = command.origin.owner;
         self.may_be_written(go.registers(), control, now)?;
         self.may_be_ordered(go, control)?;
@@ -32,8 +33,9 @@ impl DriveGuard {
         }
         self.sign_may_stand(go, control, facts)?;
         // A controller that only sets parameters may no longer be supervising the motor.
-        let renews =
-            command.origin.manner == Manner::Once || go.run().is_some() || go.frequency().is_some();
+        let renews = command.origin.manner == OrderManner::Once
+            || go.run().is_some()
+            || go.frequency().is_some();
         let in_force = self.is_in_force(now);
         let given = go;
         let Some(go) = self.what_changes(command.origin, given, control, in_force) else {
@@ -43,7 +45,7 @@ impl DriveGuard {
             } else {
                 Ok(())
             }
-            .map(|()| Verdict::Unchanged);
+            .map(|()| CommandVerdict::Unchanged);
         };
         if given.frequency() != go.frequency() {
             in_force.report()?;
@@ -52,14 +54,12 @@ impl DriveGuard {
             self.may_move(command, &go, control, facts, now)
                 .inspect_err(|report| {
                     if go.run().is_some()
-                        && command.origin.manner == Manner::Cyclic
+                        && command.origin.manner == OrderManner::Cyclic
                         && is_ended_at_the_drive(report.reason)
                     {
                         self.armed.remove(owner);
                     }
                 })?;
-        }
-        if go.run().is_some() || go.frequency().is_some() {
             self.knows_full_scale(now)?;
         }
         let go = self.signed(go, control, facts)?;
@@ -87,8 +87,8 @@ impl DriveGuard {
         if let Some(direction) = go.run() {
             self.accept_run(owner, direction);
         }
-        let is_answered_late = is_repeated && command.origin.manner == Manner::Cyclic;
-        Ok(Verdict::Go(
+        let is_answered_late = is_repeated && command.origin.manner == OrderManner::Cyclic;
+        Ok(CommandVerdict::Go(
             self.approve(command, Order::Go(go), steps)
                 .answered_when_shown(is_answered_late),
         ))
@@ -99,11 +99,11 @@ impl DriveGuard {
     fn what_changes(
         &self,
         origin: Origin,
-        go: &Go,
+        go: &GoOrder,
         control: &ControlSettings,
         in_force: InForce,
-    ) -> Option<Go> {
-        if origin.manner == Manner::Once {
+    ) -> Option<GoOrder> {
+        if origin.manner == OrderManner::Once {
             return Some(go.clone());
         }
         let holds = self.counts_as_held_by(origin.owner, control);
@@ -118,16 +118,16 @@ impl DriveGuard {
                     last.acknowledged && last.value == *frequency && is_his(last.by)
                 })
         });
-        Go::new(go.registers().to_vec(), frequency, run)
+        GoOrder::new(go.registers().to_vec(), frequency, run)
     }
 
     /// Rules for orders that may move a motor.
     fn may_move(
         &self,
         command: &CommandRequest,
-        go: &Go,
+        go: &GoOrder,
         control: &ControlSettings,
-        facts: &Facts,
+        facts: &DriveFacts,
         now: MonoTime,
     ) -> Result<(), Report> {
         if facts.stop_pending {
@@ -173,7 +173,12 @@ impl DriveGuard {
     }
 
     /// Whether RUN would turn a motor round that was last read at speed, or not at all.
-    fn turns_round(&self, direction: Direction, control: &ControlSettings, facts: &Facts) -> bool {
+    fn turns_round(
+        &self,
+        direction: Direction,
+        control: &ControlSettings,
+        facts: &DriveFacts,
+    ) -> bool {
         let turned = facts.turns.or(self.turned);
         let is_other = turned.is_some_and(|turned| turned != direction);
         is_other
@@ -185,13 +190,13 @@ impl DriveGuard {
 
     /// The reading that decides whether a motor may be turned round behind its stop: the last one may be of its ramp. It has
     /// to be 0, which means the same whatever the scale and the sign of the register.
-    fn standstill(&self) -> Option<Step> {
+    fn standstill(&self) -> Option<CommandStep> {
         let output = self
             .model
-            .register_for(Role::OutputFrequency)
+            .register_for(RegisterRole::OutputFrequency)
             .filter(|it| it.form.pair.is_none())?;
         let is_stopped = self.intent() == RunIntent::Stop;
-        is_stopped.then_some(Step::Check {
+        is_stopped.then_some(CommandStep::Check {
             address: output.address,
             least: 0,
             most: 0,
@@ -200,7 +205,7 @@ impl DriveGuard {
     }
 
     /// Whether RUN would start a motor that is neither known nor ordered to turn.
-    fn is_a_start(&self, direction: Direction, facts: &Facts) -> bool {
+    fn is_a_start(&self, direction: Direction, facts: &DriveFacts) -> bool {
         let is_ordered = self.run_acknowledged && self.intent() == RunIntent::Run(direction);
         !is_ordered && facts.output.is_none_or(|output| output == Hertz::ZERO)
     }
@@ -212,7 +217,7 @@ impl DriveGuard {
     }
 
     /// Whether the frequency of `go` is above the one in force, or may be.
-    fn is_higher(&self, go: &Go) -> bool {
+    fn is_higher(&self, go: &GoOrder) -> bool {
         go.frequency()
             .is_some_and(|frequency| self.setpoint().is_none_or(|in_force| frequency > in_force))
     }
@@ -226,7 +231,7 @@ impl DriveGuard {
         control: &ControlSettings,
         now: MonoTime,
     ) -> Result<(), Report> {
-        if command.origin.manner == Manner::Cyclic {
+        if command.origin.manner == OrderManner::Cyclic {
             return if self.armed.has(command.origin.owner) {
                 Ok(())
             } else {

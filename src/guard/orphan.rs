@@ -4,12 +4,12 @@ use super::approved::StopOrder;
 use super::state::{DriveGuard, Lease};
 use crate::domain::command::{Direction, RunIntent};
 use crate::domain::time::MonoTime;
-use crate::journal::{Cause, RememberedLease};
+use crate::journal::{FailSafeCause, RememberedLease};
 use std::time::Duration;
 
 /// The state of a lease from before a restart of the gateway.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Orphan {
+pub(super) enum OrphanLease {
     /// The drive has not been seen yet. If the lease was already orphaned, its owner's time is over.
     Unseen { was_orphaned: bool },
     /// The drive has not been seen yet, and this gateway listens to the line: another one commands the drive. If the
@@ -18,10 +18,10 @@ pub(super) enum Orphan {
     /// The owner sent a heartbeat before the drive was seen.
     TakenUp,
     /// The drive was found running, and the owner has not sent a heartbeat yet.
-    Running(Cause),
+    Running(FailSafeCause),
 }
 
-impl Orphan {
+impl OrphanLease {
     /// Its owner sent a heartbeat.
     pub const fn taken_up(self) -> Option<Self> {
         match self {
@@ -31,10 +31,12 @@ impl Orphan {
     }
 
     /// Why the declared action runs when the lease ends.
-    pub const fn cause(self) -> Cause {
+    pub const fn cause(self) -> FailSafeCause {
         match self {
             Self::Running(cause) => cause,
-            Self::Unseen { .. } | Self::Listening { .. } | Self::TakenUp => Cause::CommanderLost,
+            Self::Unseen { .. } | Self::Listening { .. } | Self::TakenUp => {
+                FailSafeCause::CommanderLost
+            }
         }
     }
 }
@@ -43,7 +45,7 @@ impl DriveGuard {
     /// Restores control held when the gateway exited. No other client gets it before the drive is seen.
     pub fn remember_lease(&mut self, lease: RememberedLease) {
         if self.control.is_some() {
-            let orphan = Some(Orphan::Unseen {
+            let orphan = Some(OrphanLease::Unseen {
                 was_orphaned: lease.was_orphaned,
             });
             self.lease = Some(Lease {
@@ -64,7 +66,7 @@ impl DriveGuard {
         signals_within: Duration,
     ) {
         if let Some(control) = &self.control {
-            let orphan = Some(Orphan::Listening {
+            let orphan = Some(OrphanLease::Listening {
                 was_orphaned: lease.was_orphaned,
             });
             let until = now + control.lost_after.max(signals_within);
@@ -82,13 +84,13 @@ impl DriveGuard {
         let (Some(lease), Some(control)) = (&mut self.lease, &self.control) else {
             return;
         };
-        if let Some(Orphan::Listening { was_orphaned }) = lease.orphan {
+        if let Some(OrphanLease::Listening { was_orphaned }) = lease.orphan {
             lease.until = if was_orphaned {
                 MonoTime::NEVER
             } else {
                 self.found_at + control.lost_after
             };
-            lease.orphan = Some(Orphan::Unseen { was_orphaned });
+            lease.orphan = Some(OrphanLease::Unseen { was_orphaned });
         }
     }
 
@@ -106,7 +108,9 @@ impl DriveGuard {
         let is_awaited = |it| {
             matches!(
                 it,
-                Orphan::Unseen { .. } | Orphan::Listening { .. } | Orphan::Running(_)
+                OrphanLease::Unseen { .. }
+                    | OrphanLease::Listening { .. }
+                    | OrphanLease::Running(_)
             )
         };
         self.lease
@@ -124,18 +128,18 @@ impl DriveGuard {
             return;
         };
         match lease.orphan {
-            Some(Orphan::Unseen { was_orphaned: true }) => {
-                lease.orphan = Some(Orphan::Running(Cause::CrashLoop));
+            Some(OrphanLease::Unseen { was_orphaned: true }) => {
+                lease.orphan = Some(OrphanLease::Running(FailSafeCause::CrashLoop));
                 lease.until = now;
             }
-            Some(Orphan::Unseen {
+            Some(OrphanLease::Unseen {
                 was_orphaned: false,
             }) => {
-                lease.orphan = Some(Orphan::Running(Cause::Orphaned));
+                lease.orphan = Some(OrphanLease::Running(FailSafeCause::Orphaned));
                 lease.until = lease.until.min(now + control.lost_after);
             }
-            Some(Orphan::TakenUp) => lease.orphan = None,
-            Some(Orphan::Listening { .. } | Orphan::Running(_)) | None => {}
+            Some(OrphanLease::TakenUp) => lease.orphan = None,
+            Some(OrphanLease::Listening { .. } | OrphanLease::Running(_)) | None => {}
         }
     }
 }

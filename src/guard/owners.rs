@@ -9,11 +9,11 @@ const OWNERS_MAX: usize = 64;
 
 /// Owners in order of insertion, each with an expiry. The set is bounded: the oldest makes room.
 #[derive(Debug, Default)]
-pub(super) struct Owners {
+pub(super) struct OwnerSet {
     owners: Vec<(Owner, MonoTime)>,
 }
 
-impl Owners {
+impl OwnerSet {
     pub(super) fn has(&self, owner: Owner) -> bool {
         self.owners.iter().any(|(it, _)| *it == owner)
     }

@@ -1,6 +1,6 @@
 //! Ownership of control: one owner at a time or shared, and take-over.
 
-use super::review::{Facts, Verdict, refused};
+use super::review::{CommandVerdict, DriveFacts, refused};
 use super::state::DriveGuard;
 use crate::domain::command::{Origin, Owner, Reason, Report, RunIntent};
 use crate::domain::control::{ControlSettings, Ownership};
@@ -12,7 +12,7 @@ impl DriveGuard {
         &self,
         origin: Origin,
         control: &ControlSettings,
-        facts: &Facts,
+        facts: &DriveFacts,
     ) -> Result<(), Report> {
         self.may_be_heard(origin)?;
         let reason = if facts.listens {
@@ -42,9 +42,9 @@ impl DriveGuard {
         &mut self,
         origin: Origin,
         control: &ControlSettings,
-        facts: &Facts,
+        facts: &DriveFacts,
         now: MonoTime,
-    ) -> Result<Verdict, Report> {
+    ) -> Result<CommandVerdict, Report> {
         self.may_be_heard(origin)?;
         if !control.allow_take {
             return Err(refused(Reason::NoTake));
@@ -52,14 +52,14 @@ impl DriveGuard {
         let holder = self.lease().map(|(owner, _)| owner);
         if holder == Some(origin.owner) {
             self.renew(origin.owner, now);
-            return Ok(Verdict::Unchanged);
+            return Ok(CommandVerdict::Unchanged);
         }
         let rests = facts.at_standstill && !matches!(self.intent(), RunIntent::Run(_));
         if holder.is_none() && rests {
-            return Ok(Verdict::Unchanged);
+            return Ok(CommandVerdict::Unchanged);
         }
         self.take_lease(origin.owner, now);
-        Ok(Verdict::Taken(holder))
+        Ok(CommandVerdict::Taken(holder))
     }
 
     /// Whether `owner` may treat the current lease as its own.

@@ -1,10 +1,10 @@
 //! The review of writes to the drive's own registers: which may be written, how often stored ones may be, and who may set
 //! the drive's watchdog.
 
-use super::review::{Facts, Verdict, no_steps, refused};
+use super::review::{CommandVerdict, DriveFacts, no_steps, refused};
 use super::state::DriveGuard;
 use crate::domain::command::{
-    CommandRequest, Go, Order, Origin, Owner, Reason, RegisterWrite, Report,
+    CommandRequest, GoOrder, Order, Origin, Owner, Reason, RegisterWrite, Report,
 };
 use crate::domain::control::ControlSettings;
 use crate::domain::time::MonoTime;
@@ -60,7 +60,7 @@ impl DriveGuard {
     }
 
     /// Whether `go` sets the time of the drive's own watchdog, sent by a tool through the gateway's local socket.
-    pub(super) fn sets_watchdog(&self, origin: Origin, go: &Go) -> bool {
+    pub(super) fn sets_watchdog(&self, origin: Origin, go: &GoOrder) -> bool {
         let time = self.model.watchdog.as_ref().map(|watchdog| watchdog.time);
         let is_alone = go.frequency().is_none() && go.run().is_none();
         let is_time = matches!(go.registers(), [write] if Some(write.address) == time);
@@ -73,10 +73,10 @@ impl DriveGuard {
     pub(super) fn review_parameter(
         &mut self,
         command: &CommandRequest,
-        go: &Go,
-        facts: &Facts,
+        go: &GoOrder,
+        facts: &DriveFacts,
         now: MonoTime,
-    ) -> Result<Verdict, Report> {
+    ) -> Result<CommandVerdict, Report> {
         if let Some(word) = self.commits(go) {
             return self.review_commit(command, &word, facts, now);
         }
@@ -118,7 +118,7 @@ impl DriveGuard {
         let applies = self.model.commit(CommitEffect::Apply).cloned();
         self.commit_after(&mut steps, applies.as_ref(), now);
         self.interlocks.approved(&self.model, go.registers(), now);
-        Ok(Verdict::Go(self.approve(
+        Ok(CommandVerdict::Go(self.approve(
             command,
             Order::Go(go.clone()),
             steps,
@@ -130,10 +130,10 @@ impl DriveGuard {
     pub(super) fn review_watchdog(
         &mut self,
         command: &CommandRequest,
-        go: &Go,
-        facts: &Facts,
+        go: &GoOrder,
+        facts: &DriveFacts,
         now: MonoTime,
-    ) -> Result<Verdict, Report> {
+    ) -> Result<CommandVerdict, Report> {
         for write in go.registers() {
             decode::register(&self.model, *write).map_err(refused)?;
         }
@@ -143,7 +143,7 @@ impl DriveGuard {
         let mut steps =
             steps::of_go(&self.model, go, &control, None, &self.bases).map_err(no_steps)?;
         self.commit_after(&mut steps, commit.as_ref(), now);
-        Ok(Verdict::Go(self.approve(
+        Ok(CommandVerdict::Go(self.approve(
             command,
             Order::Go(go.clone()),
             steps,
@@ -159,7 +159,7 @@ fn is_in_range(register: &Register, write: RegisterWrite) -> bool {
 }
 
 /// Whether `go` writes exactly one register, sent by a tool through the gateway's local socket.
-pub(super) fn is_parameter(origin: Origin, go: &Go) -> bool {
+pub(super) fn is_parameter(origin: Origin, go: &GoOrder) -> bool {
     let is_alone = go.frequency().is_none() && go.run().is_none() && go.registers().len() == 1;
     origin.owner == Owner::Local && is_alone
 }

@@ -6,7 +6,8 @@ use super::state::DriveGuard;
 use super::trial;
 use crate::domain::address::Address;
 use crate::domain::command::{
-    CommandRequest, Direction, Go, Manner, Order, Origin, Owner, Reason, Report, RunIntent,
+    CommandRequest, Direction, GoOrder, Order, OrderManner, Origin, Owner, Reason, Report,
+    RunIntent,
 };
 use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::frequency::Hertz;
@@ -20,7 +21,7 @@ pub const COMMAND_DEADLINE: Duration = Duration::from_secs(1);
 
 /// Facts about the drive when a command is reviewed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Facts {
+pub struct DriveFacts {
     /// Requests can be sent over the line.
     pub line_is_up: bool,
     /// Another gateway of the line sends, or may send: this one listens.
@@ -54,7 +55,7 @@ pub struct Facts {
 
 /// The verdict on a command.
 #[derive(Debug)]
-pub enum Verdict {
+pub enum CommandVerdict {
     /// It is already in force, or only renewed the lease: nothing is sent.
     Unchanged,
     /// It joins the stop in progress.
@@ -77,9 +78,9 @@ impl DriveGuard {
     pub fn review(
         &mut self,
         command: &CommandRequest,
-        facts: &Facts,
+        facts: &DriveFacts,
         now: MonoTime,
-    ) -> Result<Verdict, Report> {
+    ) -> Result<CommandVerdict, Report> {
         let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
         let control = trial::settings(command, control)?;
         let origin = command.origin;
@@ -123,7 +124,7 @@ impl DriveGuard {
                     | Order::Stop { .. }
                     | Order::Coast => {
                         self.renew(origin.owner, now);
-                        Ok(Verdict::Unchanged)
+                        Ok(CommandVerdict::Unchanged)
                     }
                 }
             }
@@ -133,9 +134,9 @@ impl DriveGuard {
     fn review_stop(
         &mut self,
         origin: Origin,
-        facts: &Facts,
+        facts: &DriveFacts,
         now: MonoTime,
-    ) -> Result<Verdict, Report> {
+    ) -> Result<CommandVerdict, Report> {
         may_stop(origin)?;
         self.stop(origin, false, facts, now)
     }
@@ -144,9 +145,9 @@ impl DriveGuard {
         &mut self,
         origin: Origin,
         control: &ControlSettings,
-        facts: &Facts,
+        facts: &DriveFacts,
         now: MonoTime,
-    ) -> Result<Verdict, Report> {
+    ) -> Result<CommandVerdict, Report> {
         may_stop(origin)?;
         self.may_do(ControlAction::Coast, control)?;
         self.stop(origin, true, facts, now)
@@ -154,8 +155,8 @@ impl DriveGuard {
 
     /// Whether this cyclic order to stop is the one in force: its sender has commanded it since the last inhibit. If the
     /// drive has shown the effect of a stop since then, that holds for any other client's stop as well.
-    fn is_stop_in_force(&mut self, origin: Origin, intent: RunIntent, facts: &Facts) -> bool {
-        if origin.manner != Manner::Cyclic || self.intent() != intent {
+    fn is_stop_in_force(&mut self, origin: Origin, intent: RunIntent, facts: &DriveFacts) -> bool {
+        if origin.manner != OrderManner::Cyclic || self.intent() != intent {
             return false;
         }
         if self.stop_took_effect && facts.rests {
@@ -168,9 +169,9 @@ impl DriveGuard {
         &mut self,
         origin: Origin,
         coast: bool,
-        facts: &Facts,
+        facts: &DriveFacts,
         now: MonoTime,
-    ) -> Result<Verdict, Report> {
+    ) -> Result<CommandVerdict, Report> {
         let in_force = self.is_stop_in_force(
             origin,
             if coast {
@@ -183,18 +184,18 @@ impl DriveGuard {
         if in_force && (facts.stop_pending || facts.rests) {
             self.renew(origin.owner, now);
             return Ok(if facts.stop_pending {
-                Verdict::JoinsStop
+                CommandVerdict::JoinsStop
             } else {
-                Verdict::Unchanged
+                CommandVerdict::Unchanged
             });
         }
         let order = self
             .stop_of(origin.owner, coast, now)
             .ok_or(refused(Reason::NotCapable))?;
         Ok(if in_force && facts.stop_refused {
-            Verdict::StopAgain(order)
+            CommandVerdict::StopAgain(order)
         } else {
-            Verdict::Stop(order)
+            CommandVerdict::Stop(order)
         })
     }
 
@@ -239,7 +240,11 @@ impl DriveGuard {
 
     /// A motor is moved only if stop, forward and the setpoint are proven or accepted: a motor that cannot be stopped is not
     /// started. A stop itself is never refused for that.
-    pub(super) fn may_be_ordered(&self, go: &Go, control: &ControlSettings) -> Result<(), Report> {
+    pub(super) fn may_be_ordered(
+        &self,
+        go: &GoOrder,
+        control: &ControlSettings,
+    ) -> Result<(), Report> {
         let moves = go.run().is_some() || go.frequency().is_some();
         let may = !moves || self.model.may_be_ordered(&control.accept_unverified);
         if may {
@@ -257,7 +262,7 @@ impl DriveGuard {
         &self,
         command: &CommandRequest,
         order: Order,
-        steps: Vec<steps::Step>,
+        steps: Vec<steps::CommandStep>,
     ) -> Approved {
         let owner = command.origin.owner;
         let start_before = command.start_before;

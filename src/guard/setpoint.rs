@@ -1,14 +1,14 @@
 //! The accepted setpoint, and the drive's own setting as it was last read: that decides whether the setpoint is in force, not
 //! what was once written.
 
-use super::setting::{InForce, Setpoint, Setting};
+use super::setting::{InForce, Setpoint, SettingReading};
 use super::state::DriveGuard;
 use crate::domain::address::Address;
 use crate::domain::command::Owner;
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
 use crate::drive::steps::SHOWN_WITHIN;
-use crate::profile::model::{Register, Role};
+use crate::profile::model::{Register, RegisterRole};
 use std::time::Duration;
 
 /// A drive that has never shown a setpoint that it acknowledged is sent it again no sooner than this: its read-back is many
@@ -91,7 +91,7 @@ impl DriveGuard {
         let Some((first, second)) = word(register.address).zip(second) else {
             return;
         };
-        self.setting = Some(Setting {
+        self.setting = Some(SettingReading {
             words: [first, second],
             at,
         });
@@ -171,7 +171,7 @@ impl DriveGuard {
     pub(super) fn setpoint_address(&self) -> Option<Address> {
         Some(
             self.model
-                .cyclic_address(self.model.register_for(Role::FrequencyCommand)?),
+                .cyclic_address(self.model.register_for(RegisterRole::FrequencyCommand)?),
         )
     }
 
@@ -187,7 +187,7 @@ impl DriveGuard {
         let next = register.magnitude(number + 1, known)?.millihertz();
         let command = self
             .model
-            .register_for(Role::FrequencyCommand)
+            .register_for(RegisterRole::FrequencyCommand)
             .filter(|it| it.is_exact());
         let step = next
             .saturating_sub(shown)

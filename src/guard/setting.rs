@@ -34,14 +34,14 @@ impl Setpoint {
 
 /// The last reading of the setting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Setting {
+pub(super) struct SettingReading {
     /// Its words; the second is 0 for a setting of one word.
     pub words: [u16; 2],
     /// When it arrived.
     pub at: MonoTime,
 }
 
-impl Setting {
+impl SettingReading {
     pub const fn keeps_out(self) -> InForce {
         InForce::KeptOut {
             held: self.words[0],

@@ -1,17 +1,17 @@
 //! The sign of a setpoint on a drive that turns by it: it never turns a motor round by itself.
 
-use super::review::{Facts, refused};
+use super::review::{DriveFacts, refused};
 use super::state::DriveGuard;
-use crate::domain::command::{Direction, Go, Reason, Report, RunIntent};
+use crate::domain::command::{Direction, GoOrder, Reason, Report, RunIntent};
 use crate::domain::control::ControlSettings;
 
 impl DriveGuard {
     /// Whether a setpoint that a client wrote alone, with a sign, leaves the direction as it is.
     pub(super) fn sign_may_stand(
         &self,
-        go: &Go,
+        go: &GoOrder,
         control: &ControlSettings,
-        facts: &Facts,
+        facts: &DriveFacts,
     ) -> Result<(), Report> {
         if go.run().is_some() || go.toward().is_none() || go.toward() == self.sign(control, facts) {
             return Ok(());
@@ -22,10 +22,10 @@ impl DriveGuard {
     /// `go`, its setpoint with the sign of the direction in force if it has no direction of its own.
     pub(super) fn signed(
         &self,
-        go: Go,
+        go: GoOrder,
         control: &ControlSettings,
-        facts: &Facts,
-    ) -> Result<Go, Report> {
+        facts: &DriveFacts,
+    ) -> Result<GoOrder, Report> {
         if !self.model.turns_by_sign() || go.run().is_some() || go.frequency().is_none() {
             return Ok(go);
         }
@@ -37,7 +37,7 @@ impl DriveGuard {
 
     /// The direction in force, which a setpoint alone must keep: the one that was ordered here and that the motor, as far
     /// as the drive shows it, has. `None` while it is not known, as of a motor that was started elsewhere.
-    fn sign(&self, control: &ControlSettings, facts: &Facts) -> Option<Direction> {
+    fn sign(&self, control: &ControlSettings, facts: &DriveFacts) -> Option<Direction> {
         if !control.bus.has_run() {
             // Terminals give the direction.
             return Some(Direction::Forward);

@@ -1,17 +1,17 @@
 //! Control of one drive: its owner, the current order, and who may start it.
 
-use super::adoption::Adopted;
+use super::adoption::AdoptedOrder;
 use super::approved::StopOrder;
-use super::interlocks::Interlocks;
-use super::orphan::Orphan;
-use super::owners::Owners;
-use super::setting::{Setpoint, Setting};
+use super::interlocks::StartInterlocks;
+use super::orphan::OrphanLease;
+use super::owners::OwnerSet;
+use super::setting::{Setpoint, SettingReading};
 use crate::domain::command::{Direction, Owner, RunIntent};
 use crate::domain::control::{ControlSettings, LeaseMode};
 use crate::domain::fail_safe::FailSafeRun;
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
-use crate::drive::bases::Bases;
+use crate::drive::bases::FrequencyBases;
 use crate::profile::model::Model;
 use std::sync::Arc;
 
@@ -21,10 +21,10 @@ pub struct DriveGuard {
     pub(super) model: Arc<Model>,
     pub(super) control: Option<Arc<ControlSettings>>,
     /// What the frequencies of the drive are fractions of.
-    pub(super) bases: Bases,
+    pub(super) bases: FrequencyBases,
     pub(super) lease: Option<Lease>,
     /// A run order from another gateway of the line that no client here has taken up yet.
-    pub(super) adopted: Option<Adopted>,
+    pub(super) adopted: Option<AdoptedOrder>,
     pub(super) intent: RunIntent,
     /// Whether the drive has acknowledged the intent. Until then an equal order counts as new.
     pub(super) run_acknowledged: bool,
@@ -37,11 +37,11 @@ pub struct DriveGuard {
     /// The last acknowledged setpoint.
     pub(super) held_setpoint: Option<Setpoint>,
     /// The drive's own setting of the frequency.
-    pub(super) setting: Option<Setting>,
+    pub(super) setting: Option<SettingReading>,
     /// Owners that have commanded stop since the last inhibit, and may therefore start.
-    pub(super) armed: Owners,
+    pub(super) armed: OwnerSet,
     /// Owners that hold an order to reset: it acted on arrival, and acts again only after it was withdrawn or expired.
-    pub(super) resetting: Owners,
+    pub(super) resetting: OwnerSet,
     stops: u64,
     epoch: u64,
     /// When the drive was added. Orders issued before do not start it.
@@ -55,7 +55,7 @@ pub struct DriveGuard {
     /// Control was released, and nothing has been ordered since.
     pub(super) is_released: bool,
     pub(super) is_ending: bool,
-    pub(super) interlocks: Interlocks,
+    pub(super) interlocks: StartInterlocks,
     /// The output was seen outside the limits or far from the setpoint, and not right since.
     pub(super) is_output_outside: bool,
     /// The drive is about to leave the configuration.
@@ -70,7 +70,7 @@ pub(super) struct Lease {
     pub owner: Owner,
     pub until: MonoTime,
     /// It is from before a restart of the gateway, and its owner is awaited.
-    pub orphan: Option<Orphan>,
+    pub orphan: Option<OrphanLease>,
     /// When its owner was last refused because the drive could not be reached: it is there all the same.
     pub refused_at: Option<MonoTime>,
 }
@@ -86,7 +86,7 @@ impl DriveGuard {
         now: MonoTime,
     ) -> Self {
         Self {
-            bases: Bases::of(&model),
+            bases: FrequencyBases::of(&model),
             model,
             control,
             lease: None,
@@ -98,8 +98,8 @@ impl DriveGuard {
             setpoint: None,
             held_setpoint: None,
             setting: None,
-            armed: Owners::default(),
-            resetting: Owners::default(),
+            armed: OwnerSet::default(),
+            resetting: OwnerSet::default(),
             stops: 0,
             epoch: first_epoch,
             found_at: now,
@@ -108,7 +108,7 @@ impl DriveGuard {
             stop_took_effect: false,
             is_released: false,
             is_ending: false,
-            interlocks: Interlocks::default(),
+            interlocks: StartInterlocks::default(),
             is_output_outside: false,
             is_identified: false,
             is_leaving: false,
@@ -203,7 +203,7 @@ impl DriveGuard {
             && lease.owner == owner
         {
             lease.until = now + control.lost_after;
-            lease.orphan = lease.orphan.and_then(Orphan::taken_up);
+            lease.orphan = lease.orphan.and_then(OrphanLease::taken_up);
         }
     }
 

@@ -3,8 +3,8 @@
 use super::*;
 use crate::domain::address::Address;
 use crate::domain::command::{
-    CommandRequest, Direction, Go, Manner, Order, Origin, Outcome, Owner, Reason, RegisterWrite,
-    Report, Rights, RunIntent,
+    CommandRequest, Direction, GoOrder, Order, OrderManner, Origin, Outcome, Owner, Reason,
+    RegisterWrite, Report, Rights, RunIntent,
 };
 use crate::domain::control::{ControlAction, ControlSettings, FailSafe};
 use crate::domain::frequency::Hertz;
@@ -18,7 +18,7 @@ use std::time::Duration;
 
 pub(super) const NOW: MonoTime = MonoTime::from_millis(100_000);
 pub(super) const STOP: Order = Order::Stop { setpoint: None };
-pub(super) const RESTING: Facts = Facts {
+pub(super) const RESTING: DriveFacts = DriveFacts {
     line_is_up: true,
     listens: false,
     line_is_bad: false,
@@ -43,14 +43,14 @@ pub(super) fn plc(last: u8) -> Origin {
             write: true,
             stop: true,
         },
-        manner: Manner::Cyclic,
+        manner: OrderManner::Cyclic,
     }
 }
 
 pub(super) fn mqtt() -> Origin {
     Origin {
         owner: Owner::Mqtt,
-        manner: Manner::Once,
+        manner: OrderManner::Once,
         ..plc(0)
     }
 }
@@ -71,7 +71,7 @@ pub(super) fn command(origin: Origin, order: Order) -> CommandRequest {
 
 pub(super) fn run(direction: Direction) -> Order {
     Order::Go(
-        Go::new(
+        GoOrder::new(
             Vec::new(),
             Some(Hertz::from_centihertz(2000)),
             Some(direction),
@@ -107,7 +107,7 @@ fn an_unproven_fact_carries_an_action_only_where_that_is_accepted() {
     ] {
         fact.as_mut().unwrap().confidence = Confidence::Inferred;
     }
-    let facts = Facts {
+    let facts = DriveFacts {
         tripped: Some(true),
         ..RESTING
     };
@@ -144,7 +144,7 @@ fn a_motor_whose_stop_is_unproven_is_not_started_and_may_always_be_stopped() {
     let mut unproven = model();
     unproven.run.as_mut().unwrap().stop.confidence = Confidence::ThirdParty;
     let setpoint =
-        Order::Go(Go::new(Vec::new(), Some(Hertz::from_centihertz(2000)), None).unwrap());
+        Order::Go(GoOrder::new(Vec::new(), Some(Hertz::from_centihertz(2000)), None).unwrap());
     let orders = [run(Direction::Forward), run(Direction::Reverse), setpoint];
     for order in orders {
         let mut strict = guard_of(unproven.clone(), control());
@@ -187,7 +187,7 @@ fn a_run_that_fails_after_one_that_holds_does_not_make_a_stop_change_nothing() {
         let mut guard = guard_of(model(), control());
         assert!(matches!(
             guard.review(&command(plc(1), STOP), &RESTING, NOW),
-            Ok(Verdict::Stop(_))
+            Ok(CommandVerdict::Stop(_))
         ));
         assert_eq!(
             reviewed(&mut guard, &command(plc(1), run(Direction::Forward))),
@@ -199,14 +199,14 @@ fn a_run_that_fails_after_one_that_holds_does_not_make_a_stop_change_nothing() {
             guard.run_is_unknown(Direction::Forward);
         }
         // Another setpoint and RUN that was never sent.
-        let other = Go::new(
+        let other = GoOrder::new(
             Vec::new(),
             Some(Hertz::from_centihertz(3000)),
             Some(Direction::Forward),
         )
         .unwrap();
         let again = Origin {
-            manner: Manner::Once,
+            manner: OrderManner::Once,
             ..plc(1)
         };
         let later = CommandRequest {
@@ -222,7 +222,7 @@ fn a_run_that_fails_after_one_that_holds_does_not_make_a_stop_change_nothing() {
         );
         assert!(matches!(
             guard.review(&command(plc(1), STOP), &RESTING, NOW),
-            Ok(Verdict::Stop(_))
+            Ok(CommandVerdict::Stop(_))
         ));
         assert_eq!(guard.intent(), RunIntent::Stop);
     }
@@ -313,7 +313,7 @@ fn who_has_not_stopped_the_drive_may_not_start_it_and_the_memory_of_that_is_boun
 #[test]
 fn a_stop_raises_the_epoch_and_voids_what_was_approved() {
     let mut guard = guard_of(model(), control());
-    let Ok(Verdict::Go(approved)) =
+    let Ok(CommandVerdict::Go(approved)) =
         guard.review(&command(mqtt(), run(Direction::Forward)), &RESTING, NOW)
     else {
         panic!("approved")
@@ -321,7 +321,7 @@ fn a_stop_raises_the_epoch_and_voids_what_was_approved() {
     assert_eq!(approved.may_go(false, NOW, guard.stops()), Ok(()));
     assert_eq!(
         approved.may_go(false, NOW + Duration::from_secs(1), guard.stops()),
-        Err(Void::TooLate)
+        Err(VoidApproval::TooLate)
     );
     assert_eq!(
         approved.may_go(true, NOW + Duration::from_secs(1), guard.stops()),
@@ -332,7 +332,7 @@ fn a_stop_raises_the_epoch_and_voids_what_was_approved() {
     assert_eq!(reviewed(&mut guard, &command(plc(1), STOP)), Ok(()));
     assert_eq!(
         approved.may_go(true, NOW, guard.stops()),
-        Err(Void::Stopped)
+        Err(VoidApproval::Stopped)
     );
     assert!(guard.epoch() > epoch);
 }
@@ -341,7 +341,7 @@ fn a_stop_raises_the_epoch_and_voids_what_was_approved() {
 fn a_lease_that_runs_out_over_a_resting_drive_does_nothing_to_it() {
     let mut guard = guard_of(model(), control());
     let setpoint =
-        Order::Go(Go::new(Vec::new(), Some(Hertz::from_centihertz(2000)), None).unwrap());
+        Order::Go(GoOrder::new(Vec::new(), Some(Hertz::from_centihertz(2000)), None).unwrap());
     reviewed(&mut guard, &command(mqtt(), run(Direction::Forward))).unwrap();
     reviewed(&mut guard, &command(mqtt(), STOP)).unwrap();
     let (_, until) = guard.lease().unwrap();
@@ -387,15 +387,15 @@ fn a_lease_that_runs_out_over_a_moving_drive_brings_the_declared_action() {
 }
 
 pub(super) fn register(address: Address, value: u16) -> Order {
-    Order::Go(Go::new(vec![RegisterWrite::new(address, value)], None, None).unwrap())
+    Order::Go(GoOrder::new(vec![RegisterWrite::new(address, value)], None, None).unwrap())
 }
 
 /// The verdict on `order` of a local client with these facts.
 pub(super) fn judged(
     guard: &mut DriveGuard,
     order: Order,
-    facts: Facts,
-) -> Result<Verdict, Reason> {
+    facts: DriveFacts,
+) -> Result<CommandVerdict, Reason> {
     let local = Origin {
         owner: Owner::Local,
         ..mqtt()
@@ -467,13 +467,13 @@ fn a_register_that_commands_is_no_parameter_even_if_it_is_listed() {
 
 #[test]
 fn a_reset_goes_to_a_tripped_drive_or_to_one_that_stands_still_and_may_be() {
-    let moving = Facts {
+    let moving = DriveFacts {
         at_standstill: false,
         ..RESTING
     };
     for (facts, runs, expected) in [
         (
-            Facts {
+            DriveFacts {
                 tripped: Some(true),
                 ..RESTING
             },
@@ -481,7 +481,7 @@ fn a_reset_goes_to_a_tripped_drive_or_to_one_that_stands_still_and_may_be() {
             Ok(()),
         ),
         (
-            Facts {
+            DriveFacts {
                 tripped: Some(true),
                 ..moving
             },
@@ -489,7 +489,7 @@ fn a_reset_goes_to_a_tripped_drive_or_to_one_that_stands_still_and_may_be() {
             Ok(()),
         ),
         (
-            Facts {
+            DriveFacts {
                 tripped: None,
                 ..RESTING
             },
@@ -497,7 +497,7 @@ fn a_reset_goes_to_a_tripped_drive_or_to_one_that_stands_still_and_may_be() {
             Ok(()),
         ),
         (
-            Facts {
+            DriveFacts {
                 tripped: None,
                 ..RESTING
             },
@@ -505,7 +505,7 @@ fn a_reset_goes_to_a_tripped_drive_or_to_one_that_stands_still_and_may_be() {
             Err(Reason::NotTripped),
         ),
         (
-            Facts {
+            DriveFacts {
                 tripped: None,
                 ..moving
             },
@@ -514,7 +514,7 @@ fn a_reset_goes_to_a_tripped_drive_or_to_one_that_stands_still_and_may_be() {
         ),
         (RESTING, false, Err(Reason::NotTripped)),
         (
-            Facts {
+            DriveFacts {
                 tripped: Some(true),
                 stop_pending: true,
                 ..RESTING
@@ -537,11 +537,11 @@ fn a_reset_goes_to_a_tripped_drive_or_to_one_that_stands_still_and_may_be() {
     let mut guard = guard_of(model(), control());
     let cyclic = guard.review(&command(plc(1), Order::Reset), &RESTING, NOW);
     assert!(
-        matches!(cyclic, Ok(Verdict::Unchanged)),
+        matches!(cyclic, Ok(CommandVerdict::Unchanged)),
         "a controller that holds the value: {cyclic:?}"
     );
     let late = command(mqtt(), Order::Reset);
-    let facts = Facts {
+    let facts = DriveFacts {
         tripped: Some(true),
         ..RESTING
     };
@@ -565,35 +565,35 @@ fn what_the_motor_obeys_changes_only_while_nothing_is_ordered_and_nothing_turns(
     for order in [Order::Release, addresses()] {
         for (facts, reason) in [
             (
-                Facts {
+                DriveFacts {
                     at_standstill: false,
                     ..RESTING
                 },
                 Reason::Moving,
             ),
             (
-                Facts {
+                DriveFacts {
                     stop_pending: true,
                     ..RESTING
                 },
                 Reason::StopPending,
             ),
             (
-                Facts {
+                DriveFacts {
                     is_offline: true,
                     ..RESTING
                 },
                 Reason::Offline,
             ),
             (
-                Facts {
+                DriveFacts {
                     is_implausible: true,
                     ..RESTING
                 },
                 Reason::Implausible,
             ),
             (
-                Facts {
+                DriveFacts {
                     line_is_up: false,
                     ..RESTING
                 },
@@ -619,7 +619,7 @@ fn what_the_motor_obeys_changes_only_while_nothing_is_ordered_and_nothing_turns(
         let mut guard = guard_of(able.clone(), settings.clone());
         assert!(matches!(
             judged(&mut guard, order, RESTING),
-            Ok(Verdict::Go(_))
+            Ok(CommandVerdict::Go(_))
         ));
     }
     let mut guard = guard_of(able.clone(), settings);
@@ -676,7 +676,7 @@ fn anyone_who_is_signed_in_commands_where_the_drive_says_so() {
     assert!(
         matches!(
             guard.review(&command(bob, STOP), &RESTING, NOW),
-            Ok(Verdict::Stop(_))
+            Ok(CommandVerdict::Stop(_))
         ),
         "whoever may, stops"
     );
@@ -691,12 +691,13 @@ fn anyone_who_is_signed_in_commands_where_the_drive_says_so() {
 
 #[test]
 fn on_a_bad_line_nothing_may_make_a_motor_faster() {
-    let bad = Facts {
+    let bad = DriveFacts {
         line_is_bad: true,
         ..RESTING
     };
-    let go =
-        |hertz| Order::Go(Go::new(Vec::new(), Some(Hertz::from_centihertz(hertz)), None).unwrap());
+    let go = |hertz| {
+        Order::Go(GoOrder::new(Vec::new(), Some(Hertz::from_centihertz(hertz)), None).unwrap())
+    };
     let mut guard = guard_of(model(), control());
     assert_eq!(
         judged(&mut guard, go(3000), bad).map(drop),
@@ -741,7 +742,7 @@ fn a_release_ends_control_before_its_frame_goes() {
     assert!(guard.lease().is_some());
     assert!(matches!(
         judged(&mut guard, Order::Release, RESTING),
-        Ok(Verdict::Go(_))
+        Ok(CommandVerdict::Go(_))
     ));
     assert_eq!((guard.lease(), guard.is_start_inhibited()), (None, true));
 }

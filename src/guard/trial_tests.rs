@@ -3,8 +3,8 @@
 use super::tests::{NOW, RESTING, STOP, command, guard_of, mqtt, plc, reviewed, run};
 use super::*;
 use crate::domain::command::{
-    CommandRequest, Direction, Go, Manner, Order, Origin, Outcome, Owner, Reason, RegisterWrite,
-    Rights,
+    CommandRequest, Direction, GoOrder, Order, OrderManner, Origin, Outcome, Owner, Reason,
+    RegisterWrite, Rights,
 };
 use crate::domain::control::{ControlAction, ControlSettings, FailSafe};
 use crate::domain::frequency::Hertz;
@@ -18,7 +18,7 @@ fn local() -> Origin {
             write: true,
             stop: true,
         },
-        manner: Manner::Once,
+        manner: OrderManner::Once,
     }
 }
 
@@ -129,7 +129,7 @@ fn a_mark_is_for_one_action_and_one_command() {
         "a stop needs none"
     );
     let writes = vec![RegisterWrite::new(1_u16, 1)];
-    let beside = Order::Go(Go::new(writes, None, Some(Direction::Forward)).unwrap());
+    let beside = Order::Go(GoOrder::new(writes, None, Some(Direction::Forward)).unwrap());
     let tried = reviewed(
         &mut guard_of(unproven(), settings()),
         &trial(local(), beside, ControlAction::Basic),
@@ -144,14 +144,14 @@ fn a_mark_is_for_one_action_and_one_command() {
 #[test]
 fn everything_else_holds_in_a_trial() {
     let fast = Order::Go(
-        Go::new(
+        GoOrder::new(
             Vec::new(),
             Some(Hertz::from_millihertz(9_000_000)),
             Some(Direction::Forward),
         )
         .unwrap(),
     );
-    let tried = |settings: ControlSettings, order: &Order, action, facts: &Facts| {
+    let tried = |settings: ControlSettings, order: &Order, action, facts: &DriveFacts| {
         let mut guard = guard_of(unproven(), settings);
         guard
             .review(&trial(local(), order.clone(), action), facts, NOW)
@@ -176,42 +176,42 @@ fn everything_else_holds_in_a_trial() {
     );
     for (facts, reason) in [
         (
-            Facts {
+            DriveFacts {
                 line_is_up: false,
                 ..RESTING
             },
             Reason::LineDown,
         ),
         (
-            Facts {
+            DriveFacts {
                 line_is_bad: true,
                 ..RESTING
             },
             Reason::LineQuality,
         ),
         (
-            Facts {
+            DriveFacts {
                 is_offline: true,
                 ..RESTING
             },
             Reason::Offline,
         ),
         (
-            Facts {
+            DriveFacts {
                 stop_pending: true,
                 ..RESTING
             },
             Reason::StopPending,
         ),
         (
-            Facts {
+            DriveFacts {
                 tripped: Some(true),
                 ..RESTING
             },
             Reason::Tripped,
         ),
         (
-            Facts {
+            DriveFacts {
                 stop_refused: true,
                 ..RESTING
             },

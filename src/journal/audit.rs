@@ -2,8 +2,8 @@
 //! again when its outcome is known.
 
 use super::entry::AttemptId;
-use super::merge::{Key, Merges};
-use super::record::{Record, RecordKind};
+use super::merge::{MergeKey, SharedRows};
+use super::record::{AuditRecord, RecordKind};
 use crate::domain::command::Report;
 use crate::domain::time::MonoTime;
 use std::collections::{BTreeMap, HashMap, VecDeque};
@@ -20,16 +20,16 @@ pub type AttemptKey = (u64, AttemptId);
 
 /// A change to one row.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Change {
+pub enum RowChange {
     /// Insert or replace it.
-    Put(Record),
+    Put(AuditRecord),
     /// Remove it: it is counted in another one.
     Remove,
 }
 
 #[derive(Debug)]
-struct Waiting {
-    change: Change,
+struct WaitingRow {
+    change: RowChange,
     /// How much of its count is already in the journal.
     kept: u64,
     /// The open attempt, if its outcome is awaited.
@@ -38,30 +38,30 @@ struct Waiting {
 
 /// Rows waiting to be written, and attempts without an outcome.
 #[derive(Debug, Default)]
-pub struct Audit {
+pub struct AuditRows {
     /// The number of the newest row.
     newest: u64,
     /// The newest row when all was last written.
     kept: u64,
-    waiting: BTreeMap<u64, Waiting>,
+    waiting: BTreeMap<u64, WaitingRow>,
     stops_waiting: usize,
-    open: HashMap<AttemptKey, Record>,
+    open: HashMap<AttemptKey, AuditRecord>,
     /// Oldest first. It may contain attempts that have ended.
     order: VecDeque<AttemptKey>,
-    merges: Merges,
-    lost: Lost,
+    merges: SharedRows,
+    lost: LostCounts,
 }
 
 /// Counts of what could not be stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Lost {
+pub struct LostCounts {
     /// Attempts to write without a row.
     pub attempts: u64,
     /// Outcomes of attempts, trips and other rows.
     pub others: u64,
 }
 
-impl Lost {
+impl LostCounts {
     /// The sum.
     #[must_use]
     pub const fn total(self) -> u64 {
@@ -69,17 +69,17 @@ impl Lost {
     }
 }
 
-impl std::ops::AddAssign for Lost {
+impl std::ops::AddAssign for LostCounts {
     fn add_assign(&mut self, more: Self) {
         self.attempts += more.attempts;
         self.others += more.others;
     }
 }
 
-impl Audit {
+impl AuditRows {
     /// Adds an attempt or action. `place`: the attempt whose outcome will follow, if any.
-    pub fn add(&mut self, now: MonoTime, mut record: Record, place: Option<AttemptKey>) {
-        if let Some(key) = Key::of(&record) {
+    pub fn add(&mut self, now: MonoTime, mut record: AuditRecord, place: Option<AttemptKey>) {
+        if let Some(key) = MergeKey::of(&record) {
             return self.add_shared(now, key, record);
         }
         record.number = self.next_number();
@@ -96,12 +96,12 @@ impl Audit {
         let Some(record) = self.open.remove(&place) else {
             return;
         };
-        let record = Record {
+        let record = AuditRecord {
             report: Some(report),
             ..record
         };
         let kept = u64::from(record.number <= self.kept);
-        let Some(key) = Key::of(&record) else {
+        let Some(key) = MergeKey::of(&record) else {
             return self.put(record, kept, None);
         };
         match self.merges.join(&key, &record, now) {
@@ -117,7 +117,7 @@ impl Audit {
         }
     }
 
-    fn add_shared(&mut self, now: MonoTime, key: Key, mut record: Record) {
+    fn add_shared(&mut self, now: MonoTime, key: MergeKey, mut record: AuditRecord) {
         if let Some((shared, kept)) = self.merges.join(&key, &record, now) {
             return self.put(shared, kept, None);
         }
@@ -131,15 +131,15 @@ impl Audit {
         self.newest
     }
 
-    fn put(&mut self, record: Record, kept: u64, place: Option<AttemptKey>) {
+    fn put(&mut self, record: AuditRecord, kept: u64, place: Option<AttemptKey>) {
         let number = record.number;
         let is_stop = record.is_stop;
-        let change = Change::Put(record);
+        let change = RowChange::Put(record);
         if self
             .waiting
             .insert(
                 number,
-                Waiting {
+                WaitingRow {
                     change,
                     kept,
                     place,
@@ -158,8 +158,8 @@ impl Audit {
         if is_in_journal {
             self.waiting.insert(
                 number,
-                Waiting {
-                    change: Change::Remove,
+                WaitingRow {
+                    change: RowChange::Remove,
                     kept: 0,
                     place: None,
                 },
@@ -171,9 +171,9 @@ impl Audit {
 
     /// Drops the oldest row; a stop only if there are too many of them.
     fn give_way(&mut self) {
-        let may_go = |waiting: &Waiting| match &waiting.change {
-            Change::Put(record) => self.stops_waiting > STOPS_MAX || !record.is_stop,
-            Change::Remove => false,
+        let may_go = |waiting: &WaitingRow| match &waiting.change {
+            RowChange::Put(record) => self.stops_waiting > STOPS_MAX || !record.is_stop,
+            RowChange::Remove => false,
         };
         let number = self
             .waiting
@@ -184,7 +184,7 @@ impl Audit {
         let Some(gone) = number.and_then(|number| self.waiting.remove(&number)) else {
             return;
         };
-        if let Change::Put(record) = gone.change {
+        if let RowChange::Put(record) = gone.change {
             self.stops_waiting -= usize::from(record.is_stop).min(self.stops_waiting);
             let count = record.count.saturating_sub(gone.kept);
             match record.kind {
@@ -218,7 +218,7 @@ impl Audit {
     }
 
     /// The changes to be written, by row number.
-    pub fn waiting(&self) -> impl Iterator<Item = (u64, &Change)> {
+    pub fn waiting(&self) -> impl Iterator<Item = (u64, &RowChange)> {
         self.waiting
             .iter()
             .map(|(number, waiting)| (*number, &waiting.change))
@@ -237,7 +237,7 @@ impl Audit {
     }
 
     /// Takes the counts of what could not be stored since the last call.
-    pub fn take_lost(&mut self) -> Lost {
+    pub fn take_lost(&mut self) -> LostCounts {
         std::mem::take(&mut self.lost)
     }
 

@@ -1,12 +1,12 @@
 //! Everything waiting to be written into the journal, and the state remembered of each drive. It collects what happened
 //! and returns what is to be written; while writing is impossible, it keeps the newest.
 
-use super::audit::{Audit, Lost};
-use super::days::{Day, DayUsage, Days};
-use super::entry::{Attempt, Entry};
-use super::record::{LeaseChange, Record};
-use super::remembered::{Remembered, RememberedLease};
-use super::row::{self, Row};
+use super::audit::{AuditRows, LostCounts};
+use super::days::{DayNumber, DaySums, DayUsage};
+use super::entry::{JournalEntry, WriteAttempt};
+use super::record::{AuditRecord, LeaseChange};
+use super::remembered::{RememberedDrive, RememberedLease};
+use super::row::{self, JournalRow};
 use super::trip;
 use crate::domain::calendar::rfc3339;
 use crate::domain::fail_safe::FailSafeRun;
@@ -39,19 +39,19 @@ pub struct NewEvent {
 
 /// What is waiting to be written.
 #[derive(Debug, Default)]
-pub struct Book {
+pub struct JournalBook {
     /// Attempts.
-    pub audit: Audit,
+    pub audit: AuditRows,
     events: VecDeque<NewEvent>,
-    availability: VecDeque<Row>,
-    memory: BTreeMap<Name, Remembered>,
+    availability: VecDeque<JournalRow>,
+    memory: BTreeMap<Name, RememberedDrive>,
     /// The drives whose memory is to be written.
     touched: BTreeSet<Name>,
     /// The drives whose memory is to be written for what they have used alone, since then: that may wait.
     used: BTreeSet<Name>,
     used_since: Option<MonoTime>,
     /// What was used on each day.
-    pub days: Days,
+    pub days: DaySums,
     /// The drives whose memory is to be removed.
     forgotten: BTreeSet<Name>,
     lost: u64,
@@ -60,10 +60,10 @@ pub struct Book {
 /// How moments are labelled.
 type Label<'l> = dyn Fn(MonoTime) -> WallTime + 'l;
 
-impl Book {
+impl JournalBook {
     /// An empty book, with the remembered state of the drives.
     #[must_use]
-    pub fn new(memory: BTreeMap<Name, Remembered>) -> Self {
+    pub fn new(memory: BTreeMap<Name, RememberedDrive>) -> Self {
         Self {
             memory,
             ..Self::default()
@@ -76,78 +76,66 @@ impl Book {
         source: u64,
         drive: &DriveDescription,
         at: MonoTime,
-        entry: Entry,
+        entry: JournalEntry,
         label: &Label<'_>,
     ) {
         let moment = label(at);
         let entry = entry.dated(label);
         let lease_before = self.remember(&drive.name, at, moment, &entry);
-        match entry {
-            Entry::Attempt(attempt) => self.attempt(source, Some(&drive.name), at, &attempt, label),
-            Entry::Ended { attempt, report } => self.audit.end(at, (source, attempt), report),
-            Entry::Trip(event, _) => self.trip(drive, &event, label),
-            Entry::FailSafe {
+        let name = &drive.name;
+        let record = match entry {
+            JournalEntry::Attempt(attempt) => {
+                self.attempt(source, Some(name), at, &attempt, label);
+                None
+            }
+            JournalEntry::Ended { attempt, report } => {
+                self.audit.end(at, (source, attempt), report);
+                None
+            }
+            JournalEntry::Trip(event, _) => {
+                self.trip(drive, &event, label);
+                None
+            }
+            JournalEntry::Presence(presence) => {
+                if let Some(row) = row::presence(moment, name.as_str(), presence) {
+                    self.note(row);
+                }
+                None
+            }
+            JournalEntry::FailSafe {
                 owner,
                 action,
                 cause,
             } => {
                 let due = FailSafeRun::due(action, cause, at);
-                self.audit.add(
-                    at,
-                    Record::of_failsafe(moment, &drive.name, owner, due),
-                    None,
-                );
+                Some(AuditRecord::of_failsafe(moment, name, owner, due))
             }
-            Entry::FailSafeCame(run) => {
-                self.audit.add(
-                    at,
-                    Record::of_failsafe(moment, &drive.name, None, run),
-                    None,
-                );
+            JournalEntry::FailSafeCame(run) => {
+                Some(AuditRecord::of_failsafe(moment, name, None, run))
             }
-            Entry::StopOver {
+            JournalEntry::StopOver {
                 is_effective: false,
-            } => {
-                self.audit
-                    .add(at, Record::of_stop_given_up(moment, &drive.name), None);
+            } => Some(AuditRecord::of_stop_given_up(moment, name)),
+            JournalEntry::Lease(owner) => LeaseChange::of(lease_before, owner)
+                .map(|(owner, change)| AuditRecord::of_lease(moment, name, owner, change)),
+            JournalEntry::OutOfSight { last_seen } => {
+                Some(AuditRecord::of_out_of_sight(moment, name, last_seen))
             }
-            Entry::Presence(presence) => {
-                row::presence(moment, drive.name.as_str(), presence)
-                    .into_iter()
-                    .for_each(|row| self.note(row));
-            }
-            Entry::Lease(owner) => {
-                if let Some((owner, change)) = LeaseChange::of(lease_before, owner) {
-                    self.audit.add(
-                        at,
-                        Record::of_lease(moment, &drive.name, owner, change),
-                        None,
-                    );
-                }
-            }
-            Entry::OutOfSight { last_seen } => {
-                self.audit.add(
-                    at,
-                    Record::of_out_of_sight(moment, &drive.name, last_seen),
-                    None,
-                );
-            }
-            Entry::InSight {
+            JournalEntry::InSight {
                 confirmed_by: Some(owner),
-            } => {
-                self.audit
-                    .add(at, Record::of_standstill(moment, &drive.name, owner), None);
+            } => Some(AuditRecord::of_standstill(moment, name, owner)),
+            JournalEntry::UsageReset { owner } => {
+                Some(AuditRecord::of_usage_reset(moment, name, owner))
             }
-            Entry::UsageReset { owner } => {
-                self.audit
-                    .add(at, Record::of_usage_reset(moment, &drive.name, owner), None);
-            }
-            Entry::InSight { confirmed_by: None }
-            | Entry::Baseline(_)
-            | Entry::ResetWord { .. }
-            | Entry::StopPending { .. }
-            | Entry::StopOver { .. }
-            | Entry::Usage(_) => {}
+            JournalEntry::InSight { confirmed_by: None }
+            | JournalEntry::Baseline(_)
+            | JournalEntry::ResetWord { .. }
+            | JournalEntry::StopPending { .. }
+            | JournalEntry::StopOver { .. }
+            | JournalEntry::Usage(_) => None,
+        };
+        if let Some(record) = record {
+            self.audit.add(at, record, None);
         }
     }
 
@@ -157,12 +145,12 @@ impl Book {
         source: u64,
         name: Option<&Name>,
         at: MonoTime,
-        attempt: &Attempt,
+        attempt: &WriteAttempt,
         label: &Label<'_>,
     ) {
         let place = attempt.report.is_none().then_some((source, attempt.id));
         self.audit
-            .add(at, Record::of_attempt(label(at), name, attempt), place);
+            .add(at, AuditRecord::of_attempt(label(at), name, attempt), place);
     }
 
     fn trip(&mut self, drive: &DriveDescription, event: &TripEvent, label: &Label<'_>) {
@@ -194,7 +182,7 @@ impl Book {
     }
 
     /// Takes an availability row.
-    pub fn note(&mut self, row: Row) {
+    pub fn note(&mut self, row: JournalRow) {
         self.availability.push_back(row);
         if self.availability.len() > AVAILABILITY_MAX {
             self.availability.pop_front();
@@ -208,17 +196,17 @@ impl Book {
         name: &Name,
         at: MonoTime,
         moment: WallTime,
-        entry: &Entry,
+        entry: &JournalEntry,
     ) -> Option<RememberedLease> {
         self.forgotten.remove(name);
         let memory = self.memory.entry(name.clone()).or_default();
         let before = *memory;
         memory.take(entry);
-        if let Entry::Usage(usage) = entry {
+        if let JournalEntry::Usage(usage) = entry {
             let totals = usage.totals.since(&before.usage.totals);
             self.days.add(
                 name,
-                Day::of(moment),
+                DayNumber::of(moment),
                 DayUsage {
                     totals,
                     energy_from: usage.energy_from,
@@ -244,7 +232,7 @@ impl Book {
             if let Some(lease) = memory.lease.as_mut().filter(|lease| !lease.was_orphaned) {
                 lease.was_orphaned = true;
                 self.touched.insert(name.clone());
-                let record = Record::of_lease(at, name, lease.owner, LeaseChange::Orphaned);
+                let record = AuditRecord::of_lease(at, name, lease.owner, LeaseChange::Orphaned);
                 self.audit.add(now, record, None);
             }
         }
@@ -272,12 +260,12 @@ impl Book {
 
     /// All remembered state, by drive name.
     #[must_use]
-    pub const fn all_memory(&self) -> &BTreeMap<Name, Remembered> {
+    pub const fn all_memory(&self) -> &BTreeMap<Name, RememberedDrive> {
         &self.memory
     }
 
     /// The memory to be written, by drive name.
-    pub fn memory(&self) -> impl Iterator<Item = (&Name, &Remembered)> {
+    pub fn memory(&self) -> impl Iterator<Item = (&Name, &RememberedDrive)> {
         self.touched
             .union(&self.used)
             .filter_map(|name| self.memory.get_key_value(name))
@@ -289,7 +277,7 @@ impl Book {
     }
 
     /// Waiting availability rows, oldest first.
-    pub fn availability(&self) -> impl Iterator<Item = &Row> {
+    pub fn availability(&self) -> impl Iterator<Item = &JournalRow> {
         self.availability.iter()
     }
 
@@ -313,10 +301,10 @@ impl Book {
     }
 
     /// Takes the counts of what could not be stored since the last call.
-    pub fn take_lost(&mut self) -> Lost {
-        let mut lost = Lost {
+    pub fn take_lost(&mut self) -> LostCounts {
+        let mut lost = LostCounts {
             others: std::mem::take(&mut self.lost),
-            ..Lost::default()
+            ..LostCounts::default()
         };
         lost += self.audit.take_lost();
         lost

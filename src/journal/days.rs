@@ -17,9 +17,9 @@ const DAY_MS: i64 = 86_400_000;
 
 /// A day, in days since 1970-01-01 UTC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Day(pub i32);
+pub struct DayNumber(pub i32);
 
-impl Day {
+impl DayNumber {
     /// The day of `at`.
     #[must_use]
     pub fn of(at: WallTime) -> Self {
@@ -47,7 +47,7 @@ pub struct DayUsage {
 
 /// The sums of one drive and day.
 #[derive(Clone, Copy, Debug, Default)]
-struct Sum {
+struct DaySum {
     /// What the file holds from before this process; `None` while that was not read.
     before: Option<UsageTotals>,
     /// What this process has added.
@@ -56,14 +56,14 @@ struct Sum {
 
 /// The sums of days that are to be written.
 #[derive(Debug, Default)]
-pub struct Days {
-    sums: BTreeMap<(Name, Day), Sum>,
-    touched: BTreeSet<(Name, Day)>,
+pub struct DaySums {
+    sums: BTreeMap<(Name, DayNumber), DaySum>,
+    touched: BTreeSet<(Name, DayNumber)>,
 }
 
-impl Days {
+impl DaySums {
     /// The drive called `name` has used `more` on `day`.
-    pub fn add(&mut self, name: &Name, day: Day, more: DayUsage) {
+    pub fn add(&mut self, name: &Name, day: DayNumber, more: DayUsage) {
         if more.totals == UsageTotals::default() {
             return;
         }
@@ -76,21 +76,21 @@ impl Days {
 
     /// What waits and was not compared with the file yet.
     #[must_use]
-    pub fn unread(&self) -> Vec<(Name, Day)> {
+    pub fn unread(&self) -> Vec<(Name, DayNumber)> {
         let is_unread =
-            |key: &&(Name, Day)| self.sums.get(key).is_some_and(|sum| sum.before.is_none());
+            |key: &&(Name, DayNumber)| self.sums.get(key).is_some_and(|sum| sum.before.is_none());
         self.touched.iter().filter(is_unread).cloned().collect()
     }
 
     /// The file holds `before` for this drive and day.
-    pub fn read(&mut self, key: &(Name, Day), before: UsageTotals) {
+    pub fn read(&mut self, key: &(Name, DayNumber), before: UsageTotals) {
         if let Some(sum) = self.sums.get_mut(key) {
             sum.before = Some(before);
         }
     }
 
     /// The sums that are to be written.
-    pub fn waiting(&self) -> impl Iterator<Item = (&Name, Day, DayUsage)> {
+    pub fn waiting(&self) -> impl Iterator<Item = (&Name, DayNumber, DayUsage)> {
         self.touched.iter().filter_map(|key| {
             let sum = self.sums.get(key)?;
             let mut totals = sum.before.unwrap_or_default();
@@ -128,9 +128,9 @@ impl Days {
 
 /// The stored form of sums, and its CRC.
 #[must_use]
-pub fn to_row(name: &str, day: Day, usage: &DayUsage) -> (String, u32) {
+pub fn to_row(name: &str, day: DayNumber, usage: &DayUsage) -> (String, u32) {
     let mut body = totals_to_json(&usage.totals);
-    body["energy_from"] = usage.energy_from.map(EnergySource::word).into();
+    body["energy_from"] = usage.energy_from.map(EnergySource::keyword).into();
     let body = body.to_string();
     let crc = day_crc(name, day.0, &body);
     (body, crc)
@@ -138,7 +138,7 @@ pub fn to_row(name: &str, day: Day, usage: &DayUsage) -> (String, u32) {
 
 /// Sums from their stored form; `None` if it is damaged.
 #[must_use]
-pub fn from_row(name: &str, day: Day, body: &str, crc: u32) -> Option<DayUsage> {
+pub fn from_row(name: &str, day: DayNumber, body: &str, crc: u32) -> Option<DayUsage> {
     if day_crc(name, day.0, body) != crc {
         return None;
     }
@@ -166,7 +166,7 @@ mod tests {
         Name::new("pump-1").unwrap()
     }
 
-    fn waiting(days: &Days) -> Vec<(Day, u64)> {
+    fn waiting(days: &DaySums) -> Vec<(DayNumber, u64)> {
         days.waiting()
             .map(|(_, day, usage)| (day, usage.totals.energy_mj))
             .collect()
@@ -181,13 +181,13 @@ mod tests {
 
     #[test]
     fn a_day_is_written_as_a_whole_with_what_the_file_holds() {
-        let mut days = Days::default();
-        days.add(&pump(), Day(3), DayUsage::default());
+        let mut days = DaySums::default();
+        days.add(&pump(), DayNumber(3), DayUsage::default());
         assert_eq!(days.count(), 0, "nothing was used");
-        days.add(&pump(), Day(3), used());
-        assert_eq!(days.unread(), [(pump(), Day(3))]);
+        days.add(&pump(), DayNumber(3), used());
+        assert_eq!(days.unread(), [(pump(), DayNumber(3))]);
         days.read(
-            &(pump(), Day(3)),
+            &(pump(), DayNumber(3)),
             UsageTotals {
                 energy_mj: 100,
                 ..UsageTotals::default()
@@ -195,29 +195,29 @@ mod tests {
         );
         assert_eq!(
             (days.unread().len(), waiting(&days)),
-            (0, vec![(Day(3), 136)])
+            (0, vec![(DayNumber(3), 136)])
         );
         assert_eq!(
             waiting(&days),
-            [(Day(3), 136)],
+            [(DayNumber(3), 136)],
             "a write that is repeated changes nothing"
         );
         days.written();
-        days.add(&pump(), Day(3), used());
+        days.add(&pump(), DayNumber(3), used());
         assert_eq!(
             (days.unread().len(), waiting(&days)),
-            (0, vec![(Day(3), 172)]),
+            (0, vec![(DayNumber(3), 172)]),
             "the file is not read again"
         );
         days.written();
         days.touch_all();
-        assert_eq!(waiting(&days), [(Day(3), 172)], "into a new file");
+        assert_eq!(waiting(&days), [(DayNumber(3), 172)], "into a new file");
     }
 
     #[test]
     fn a_clock_that_jumps_adds_to_the_day_that_it_shows() {
-        let mut days = Days::default();
-        for day in [Day(20_000), Day(0), Day(20_000)] {
+        let mut days = DaySums::default();
+        for day in [DayNumber(20_000), DayNumber(0), DayNumber(20_000)] {
             days.add(&pump(), day, used());
             for key in days.unread() {
                 days.read(
@@ -247,22 +247,26 @@ mod tests {
             (-1, -1),
             (i64::MAX, i32::MAX),
         ] {
-            assert_eq!(Day::of(WallTime { unix_ms }), Day(day), "{unix_ms}");
+            assert_eq!(
+                DayNumber::of(WallTime { unix_ms }),
+                DayNumber(day),
+                "{unix_ms}"
+            );
         }
-        assert_eq!(Day(1).begin().unix_ms, DAY_MS);
+        assert_eq!(DayNumber(1).begin().unix_ms, DAY_MS);
     }
 
     #[test]
     fn what_is_stored_is_read_back_and_damage_shows() {
-        let (body, crc) = to_row("pump-1", Day(7), &used());
-        assert_eq!(from_row("pump-1", Day(7), &body, crc), Some(used()));
+        let (body, crc) = to_row("pump-1", DayNumber(7), &used());
+        assert_eq!(from_row("pump-1", DayNumber(7), &body, crc), Some(used()));
         for (name, day, body) in [
             ("pump-2", 7, body.clone()),
             ("pump-1", 8, body.clone()),
             ("pump-1", 7, body + " "),
         ] {
             assert_eq!(
-                from_row(name, Day(day), &body, crc),
+                from_row(name, DayNumber(day), &body, crc),
                 None,
                 "{name} {day} {body}"
             );

@@ -4,12 +4,12 @@ use super::remembered::TripBaseline;
 use crate::domain::address::Address;
 use crate::domain::command::{Order, Owner, Report};
 use crate::domain::control::FailSafe;
-pub use crate::domain::fail_safe::Cause;
+pub use crate::domain::fail_safe::FailSafeCause;
 use crate::domain::fail_safe::FailSafeRun;
 use crate::domain::ids::DriveIndex;
 use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::sight::{LastSeen, SeenAt};
-use crate::drive::snapshot::Presence;
+use crate::drive::snapshot::DrivePresence;
 use crate::drive::usage::KeptUsage;
 use crate::drive::view::TripEvent;
 
@@ -24,7 +24,7 @@ pub struct AttemptId(pub u64);
 
 /// An entry to be stored, from a line.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Keep {
+pub struct EntryToKeep {
     /// Its number.
     pub row: RowNumber,
     /// The drive that it is about.
@@ -32,14 +32,14 @@ pub struct Keep {
     /// When it happened.
     pub at: MonoTime,
     /// What happened.
-    pub entry: Entry,
+    pub entry: JournalEntry,
 }
 
 /// What happened.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Entry {
+pub enum JournalEntry {
     /// A client tried to write.
-    Attempt(Attempt),
+    Attempt(WriteAttempt),
     /// The final outcome of an accepted attempt.
     Ended {
         /// The attempt.
@@ -78,7 +78,7 @@ pub enum Entry {
         /// What is done.
         action: FailSafe,
         /// Why.
-        cause: Cause,
+        cause: FailSafeCause,
     },
     /// The drive is out of sight and was not seen at standstill: it may still run.
     OutOfSight {
@@ -91,7 +91,7 @@ pub enum Entry {
         confirmed_by: Option<Owner>,
     },
     /// The drive went online or offline.
-    Presence(Presence),
+    Presence(DrivePresence),
     /// What the drive has used so far.
     Usage(KeptUsage),
     /// The sums of what the drive has used are set back to 0.
@@ -101,7 +101,7 @@ pub enum Entry {
     },
 }
 
-impl Entry {
+impl JournalEntry {
     /// The entry with wall clock times, which outlive the process, in what is remembered.
     #[must_use]
     pub fn dated(self, label: impl Fn(MonoTime) -> WallTime) -> Self {
@@ -123,20 +123,20 @@ impl Entry {
 
 /// Who tried to write what.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Attempt {
+pub struct WriteAttempt {
     /// Its number, which the outcome refers to.
     pub id: AttemptId,
     /// Who.
     pub owner: Owner,
     /// What.
-    pub tried: Tried,
-    /// The outcome, if already known: it was refused, or there was nothing to do. Then no [`Entry::Ended`] follows.
+    pub tried: TriedWrite,
+    /// The outcome, if already known: it was refused, or there was nothing to do. Then no [`JournalEntry::Ended`] follows.
     pub report: Option<Report>,
 }
 
 /// What a client tried to write.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Tried {
+pub enum TriedWrite {
     /// An order.
     Order(Order),
     /// Registers of the drive that are no order, from this address on.

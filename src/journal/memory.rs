@@ -1,7 +1,7 @@
 //! The remembered state of a drive: how entries change it, and its JSON form.
 
-use super::entry::Entry;
-use super::remembered::{Remembered, RememberedLease, RememberedStop, TripBaseline};
+use super::entry::JournalEntry;
+use super::remembered::{RememberedDrive, RememberedLease, RememberedStop, TripBaseline};
 use super::words;
 use crate::domain::frequency::Hertz;
 use crate::domain::time::WallTime;
@@ -11,38 +11,40 @@ use crate::drive::view::{RunState, TripEventKind};
 use serde_json::{Value, json};
 use std::time::Duration;
 
-impl Remembered {
+impl RememberedDrive {
     /// Applies `entry`.
-    pub fn take(&mut self, entry: &Entry) {
+    pub fn take(&mut self, entry: &JournalEntry) {
         match entry {
-            Entry::Trip(event, baseline) => {
+            JournalEntry::Trip(event, baseline) => {
                 self.trips = Some(*baseline);
                 if let TripEventKind::Tripped { trips, record } = &event.kind {
                     self.trips_total = self.trips_total.saturating_add((*trips).into());
                     self.last_code = record.code;
                 }
             }
-            Entry::Baseline(baseline) => self.trips = Some(*baseline),
-            Entry::Lease(owner) => {
+            JournalEntry::Baseline(baseline) => self.trips = Some(*baseline),
+            JournalEntry::Lease(owner) => {
                 self.lease = owner.map(|owner| RememberedLease {
                     owner,
                     was_orphaned: false,
                 });
             }
-            Entry::StopPending { coast } => self.stop = Some(RememberedStop { coast: *coast }),
-            Entry::StopOver { .. } => self.stop = None,
-            Entry::OutOfSight { last_seen } => {
+            JournalEntry::StopPending { coast } => {
+                self.stop = Some(RememberedStop { coast: *coast })
+            }
+            JournalEntry::StopOver { .. } => self.stop = None,
+            JournalEntry::OutOfSight { last_seen } => {
                 (self.may_still_run, self.last_seen) = (true, *last_seen)
             }
-            Entry::InSight { .. } => (self.may_still_run, self.last_seen) = (false, None),
-            Entry::ResetWord { may_stand } => self.reset = *may_stand,
-            Entry::Usage(usage) => self.usage = *usage,
-            Entry::UsageReset { .. } => self.usage.totals = UsageTotals::default(),
-            Entry::Attempt(_)
-            | Entry::Ended { .. }
-            | Entry::FailSafe { .. }
-            | Entry::FailSafeCame(_)
-            | Entry::Presence(_) => {}
+            JournalEntry::InSight { .. } => (self.may_still_run, self.last_seen) = (false, None),
+            JournalEntry::ResetWord { may_stand } => self.reset = *may_stand,
+            JournalEntry::Usage(usage) => self.usage = *usage,
+            JournalEntry::UsageReset { .. } => self.usage.totals = UsageTotals::default(),
+            JournalEntry::Attempt(_)
+            | JournalEntry::Ended { .. }
+            | JournalEntry::FailSafe { .. }
+            | JournalEntry::FailSafeCame(_)
+            | JournalEntry::Presence(_) => {}
         }
     }
 
@@ -52,7 +54,7 @@ impl Remembered {
         let mut usage = totals_to_json(&self.usage.totals);
         usage["counter_mj"] = self.usage.counter_mj.into();
         usage["between_mj"] = self.usage.between_mj.into();
-        usage["energy_from"] = self.usage.energy_from.map(EnergySource::word).into();
+        usage["energy_from"] = self.usage.energy_from.map(EnergySource::keyword).into();
         json!({
             "trips": self.trips.map(|it| json!({ "count": it.count, "held": it.held, "code": it.code })),
             "trips_total": self.trips_total,
@@ -129,7 +131,7 @@ fn seen_to_json(seen: LastSeen) -> Option<Value> {
         return None;
     };
     Some(json!({
-        "run_state": seen.run_state.word(),
+        "run_state": seen.run_state.keyword(),
         "millihertz": seen.output.map(Hertz::millihertz),
         "unix_ms": at.unix_ms,
     }))
@@ -183,7 +185,7 @@ mod tests {
             owner: Owner::ModbusTcp("10.0.0.7".parse().unwrap()),
             was_orphaned: true,
         };
-        let whole = Remembered {
+        let whole = RememberedDrive {
             trips: Some(TripBaseline {
                 count: Some(65_535),
                 held: Some(false),
@@ -216,18 +218,18 @@ mod tests {
         };
         let stop = Some(RememberedStop { coast: false });
         for memory in [
-            Remembered::default(),
+            RememberedDrive::default(),
             whole,
-            Remembered {
+            RememberedDrive {
                 stop,
-                ..Remembered::default()
+                ..RememberedDrive::default()
             },
         ] {
-            assert_eq!(Remembered::from_json(&memory.to_json()), Some(memory));
+            assert_eq!(RememberedDrive::from_json(&memory.to_json()), Some(memory));
         }
         assert_eq!(
-            Remembered::from_json("{\"trips_total\":0}"),
-            Some(Remembered::default()),
+            RememberedDrive::from_json("{\"trips_total\":0}"),
+            Some(RememberedDrive::default()),
             "of an earlier version"
         );
         for text in [
@@ -236,13 +238,13 @@ mod tests {
             "{\"trips_total\":-1}",
             "{\"trips_total\":0,\"lease\":{\"owner\":\"x\"}}",
         ] {
-            assert_eq!(Remembered::from_json(text), None, "{text}");
+            assert_eq!(RememberedDrive::from_json(text), None, "{text}");
         }
     }
 
     #[test]
     fn entries_change_it() {
-        let mut memory = Remembered::default();
+        let mut memory = RememberedDrive::default();
         let baseline = TripBaseline {
             count: Some(7),
             held: Some(true),
@@ -259,11 +261,11 @@ mod tests {
             at: MonoTime::ZERO,
             while_away: false,
         };
-        memory.take(&Entry::Trip(
+        memory.take(&JournalEntry::Trip(
             event(TripEventKind::Tripped { trips: 2, record }),
             baseline,
         ));
-        memory.take(&Entry::Trip(
+        memory.take(&JournalEntry::Trip(
             event(TripEventKind::Cleared),
             TripBaseline {
                 held: Some(false),
@@ -272,8 +274,8 @@ mod tests {
         ));
         assert_eq!((memory.trips_total, memory.last_code), (2, Some(3)));
         assert_eq!(memory.trips.unwrap().held, Some(false));
-        memory.take(&Entry::Lease(Some(Owner::Mqtt)));
-        memory.take(&Entry::StopPending { coast: false });
+        memory.take(&JournalEntry::Lease(Some(Owner::Mqtt)));
+        memory.take(&JournalEntry::StopPending { coast: false });
         assert_eq!(
             memory.lease,
             Some(RememberedLease {
@@ -282,20 +284,20 @@ mod tests {
             })
         );
         assert!(memory.stop.is_some());
-        memory.take(&Entry::StopOver { is_effective: true });
-        memory.take(&Entry::Lease(None));
+        memory.take(&JournalEntry::StopOver { is_effective: true });
+        memory.take(&JournalEntry::Lease(None));
         assert_eq!((memory.lease, memory.stop), (None, None));
         let last_seen = Some(LastSeen {
             run_state: RunState::Forward,
             output: None,
             at: SeenAt::Here(MonoTime::ZERO),
         });
-        memory.take(&Entry::OutOfSight { last_seen });
+        memory.take(&JournalEntry::OutOfSight { last_seen });
         assert_eq!((memory.may_still_run, memory.last_seen), (true, last_seen));
-        memory.take(&Entry::InSight { confirmed_by: None });
+        memory.take(&JournalEntry::InSight { confirmed_by: None });
         assert_eq!((memory.may_still_run, memory.last_seen), (false, None));
         for may_stand in [true, false] {
-            memory.take(&Entry::ResetWord { may_stand });
+            memory.take(&JournalEntry::ResetWord { may_stand });
             assert_eq!(memory.reset, may_stand);
         }
     }

@@ -1,7 +1,7 @@
 //! Equal refusals and superseded setpoints of one client and drive share a row for a second, with a count, so that
 //! neither a controller that repeats a refused command nor a dragged slider fills the journal.
 
-use super::record::Record;
+use super::record::AuditRecord;
 use crate::domain::command::{Outcome, Owner, Reason};
 use crate::domain::ids::Name;
 use crate::domain::time::MonoTime;
@@ -15,27 +15,29 @@ pub const SHARES_MAX: usize = 1024;
 
 /// Records with equal keys may share a row.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub struct Key {
+pub struct MergeKey {
     name: Option<Name>,
     by: Option<Owner>,
-    what: What,
+    what: MergedOutcome,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-enum What {
+enum MergedOutcome {
     /// Attempt, reason, and the holder of control.
     Refused(String, Reason, Option<Owner>),
     Superseded,
 }
 
-impl Key {
+impl MergeKey {
     /// The key of `record`; `None` if it does not share a row.
     #[must_use]
-    pub fn of(record: &Record) -> Option<Self> {
+    pub fn of(record: &AuditRecord) -> Option<Self> {
         let report = record.report?;
         let what = match report.outcome {
-            Outcome::Refused => What::Refused(record.tried.clone(), report.reason, report.holder),
-            Outcome::Superseded if record.is_setpoint => What::Superseded,
+            Outcome::Refused => {
+                MergedOutcome::Refused(record.tried.clone(), report.reason, report.holder)
+            }
+            Outcome::Superseded if record.is_setpoint => MergedOutcome::Superseded,
             _ => return None,
         };
         Some(Self {
@@ -47,25 +49,30 @@ impl Key {
 }
 
 #[derive(Debug)]
-struct Share {
+struct SharedRow {
     since: MonoTime,
-    record: Record,
+    record: AuditRecord,
     /// How much of its count is already stored.
     kept: u64,
 }
 
 /// The rows that are shared.
 #[derive(Debug, Default)]
-pub struct Merges {
-    shares: HashMap<Key, Share>,
+pub struct SharedRows {
+    shares: HashMap<MergeKey, SharedRow>,
     /// Oldest first. It may contain rows that are no longer shared.
-    order: VecDeque<(MonoTime, Key)>,
+    order: VecDeque<(MonoTime, MergeKey)>,
 }
 
-impl Merges {
+impl SharedRows {
     /// Adds `record` to a shared row; returns that and how much of its count is already stored. `None` if it needs a
     /// row of its own, see [`begin`](Self::begin).
-    pub fn join(&mut self, key: &Key, record: &Record, now: MonoTime) -> Option<(Record, u64)> {
+    pub fn join(
+        &mut self,
+        key: &MergeKey,
+        record: &AuditRecord,
+        now: MonoTime,
+    ) -> Option<(AuditRecord, u64)> {
         let share = self
             .shares
             .get_mut(key)
@@ -77,10 +84,10 @@ impl Merges {
     }
 
     /// Shares the row of `record` from now on.
-    pub fn begin(&mut self, key: Key, record: Record, now: MonoTime) {
+    pub fn begin(&mut self, key: MergeKey, record: AuditRecord, now: MonoTime) {
         self.shares.insert(
             key.clone(),
-            Share {
+            SharedRow {
                 since: now,
                 record,
                 kept: 0,
@@ -110,8 +117,8 @@ impl Merges {
     }
 
     /// The row of `record` is no longer shared.
-    pub fn end(&mut self, record: &Record) {
-        if let Some(key) = Key::of(record)
+    pub fn end(&mut self, record: &AuditRecord) {
+        if let Some(key) = MergeKey::of(record)
             && self
                 .shares
                 .get(&key)

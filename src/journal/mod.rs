@@ -24,8 +24,10 @@ pub mod words;
 mod tests;
 
 pub use crate::drive::usage::KeptUsage;
-pub use book::{Book, NewEvent};
-pub use entry::{Attempt, AttemptId, Cause, Entry, Keep, RowNumber, Tried};
-pub use remembered::{Remembered, RememberedLease, RememberedStop, TripBaseline};
-pub use row::{Row, Table};
+pub use book::{JournalBook, NewEvent};
+pub use entry::{
+    AttemptId, EntryToKeep, FailSafeCause, JournalEntry, RowNumber, TriedWrite, WriteAttempt,
+};
+pub use remembered::{RememberedDrive, RememberedLease, RememberedStop, TripBaseline};
+pub use row::{JournalRow, JournalTable};
 pub use stored::StoredEvent;

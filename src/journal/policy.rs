@@ -1,7 +1,7 @@
 //! What is deleted when the journal has reached its size: audit before availability, availability before trips, oldest
 //! rows first. What was used on each day gives way before all of them if it takes more than its part.
 
-use super::row::Table;
+use super::row::JournalTable;
 
 /// Assumed size of a row in bytes.
 const ROW_BYTES: u64 = 512;
@@ -23,18 +23,18 @@ pub const fn most_days(most: u64) -> u64 {
 
 /// The number of rows of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Share {
+pub struct TableShare {
     /// The table.
-    pub table: Table,
+    pub table: JournalTable,
     /// Its rows.
     pub rows: u64,
 }
 
 /// The oldest rows of one table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Cut {
+pub struct TableCut {
     /// The table.
-    pub table: Table,
+    pub table: JournalTable,
     /// Number of rows.
     pub rows: u64,
 }
@@ -47,10 +47,10 @@ pub const fn is_full(used: u64, most: u64) -> bool {
 
 /// What to delete next from tables with these rows, in a journal of at most `most` bytes. `None` if all are empty.
 #[must_use]
-pub fn cut(shares: [Share; 3], most: u64) -> Option<Cut> {
+pub fn cut(shares: [TableShare; 3], most: u64) -> Option<TableCut> {
     let least = most / LEAST_PART / ROW_BYTES;
     let in_order = || {
-        Table::ALL
+        JournalTable::ALL
             .into_iter()
             .filter_map(|table| shares.into_iter().find(|share| share.table == table))
     };
@@ -63,7 +63,7 @@ pub fn cut(shares: [Share; 3], most: u64) -> Option<Cut> {
             .map(|share| (share, 0))
     })?;
     let rows = (share.rows / 16).max(CUT_MIN).min(share.rows - floor);
-    Some(Cut {
+    Some(TableCut {
         table: share.table,
         rows,
     })
@@ -75,13 +75,13 @@ mod tests {
 
     const MB: u64 = 1_000_000;
 
-    fn shares(audit: u64, availability: u64, event: u64) -> [Share; 3] {
+    fn shares(audit: u64, availability: u64, event: u64) -> [TableShare; 3] {
         let rows = [
-            (Table::Event, event),
-            (Table::Audit, audit),
-            (Table::Availability, availability),
+            (JournalTable::Event, event),
+            (JournalTable::Audit, audit),
+            (JournalTable::Availability, availability),
         ];
-        rows.map(|(table, rows)| Share { table, rows })
+        rows.map(|(table, rows)| TableShare { table, rows })
     }
 
     #[test]
@@ -90,23 +90,32 @@ mod tests {
         let table = [
             (
                 shares(100_000, 100_000, 100_000),
-                Some((Table::Audit, 6250)),
+                Some((JournalTable::Audit, 6250)),
             ),
-            (shares(least + 1, 100_000, 100_000), Some((Table::Audit, 1))),
+            (
+                shares(least + 1, 100_000, 100_000),
+                Some((JournalTable::Audit, 1)),
+            ),
             (
                 shares(least, 100_000, 100_000),
-                Some((Table::Availability, 6250)),
+                Some((JournalTable::Availability, 6250)),
             ),
-            (shares(least, least, 100_000), Some((Table::Event, 6250))),
-            (shares(least, least, least + 70), Some((Table::Event, 64))),
-            (shares(least, least, least), Some((Table::Audit, 64))),
-            (shares(0, 3, 100), Some((Table::Availability, 3))),
-            (shares(0, 0, 100), Some((Table::Event, 64))),
-            (shares(0, 3, 0), Some((Table::Availability, 3))),
+            (
+                shares(least, least, 100_000),
+                Some((JournalTable::Event, 6250)),
+            ),
+            (
+                shares(least, least, least + 70),
+                Some((JournalTable::Event, 64)),
+            ),
+            (shares(least, least, least), Some((JournalTable::Audit, 64))),
+            (shares(0, 3, 100), Some((JournalTable::Availability, 3))),
+            (shares(0, 0, 100), Some((JournalTable::Event, 64))),
+            (shares(0, 3, 0), Some((JournalTable::Availability, 3))),
             (shares(0, 0, 0), None),
         ];
         for (shares, cut) in table {
-            let right = cut.map(|(table, rows)| Cut { table, rows });
+            let right = cut.map(|(table, rows)| TableCut { table, rows });
             assert_eq!(super::cut(shares, MB), right, "{shares:?}");
         }
     }

@@ -1,8 +1,8 @@
 //! The contents of one audit row.
 
-use super::entry::Attempt;
+use super::entry::WriteAttempt;
 use super::remembered::RememberedLease;
-use super::row::Row;
+use super::row::JournalRow;
 use super::words;
 use crate::domain::command::{Owner, Report};
 use crate::domain::fail_safe::FailSafeRun;
@@ -13,7 +13,7 @@ use serde_json::{Map, Value};
 
 /// One row of the audit before it is written.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Record {
+pub struct AuditRecord {
     /// Its number in this run of the gateway, from 1.
     pub number: u64,
     /// When the first of the counted attempts happened.
@@ -85,7 +85,7 @@ impl LeaseChange {
         }
     }
 
-    const fn word(self) -> &'static str {
+    const fn keyword(self) -> &'static str {
         match self {
             Self::Opened => "opened",
             Self::Ended => "ended",
@@ -99,7 +99,7 @@ impl LeaseChange {
 impl RecordKind {
     /// The word used in the journal.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Attempt => "attempt",
             Self::FailSafe(_) => "failsafe",
@@ -112,10 +112,10 @@ impl RecordKind {
     }
 }
 
-impl Record {
+impl AuditRecord {
     /// The record of `attempt` on the drive called `name`.
     #[must_use]
-    pub fn of_attempt(at: WallTime, name: Option<&Name>, attempt: &Attempt) -> Self {
+    pub fn of_attempt(at: WallTime, name: Option<&Name>, attempt: &WriteAttempt) -> Self {
         Self {
             number: 0,
             at,
@@ -137,7 +137,7 @@ impl Record {
         Self {
             kind,
             by: owner,
-            tried: run.action.word().to_owned(),
+            tried: run.action.keyword().to_owned(),
             ..Self::of_gateway(at, name)
         }
     }
@@ -215,7 +215,7 @@ impl Record {
 
     /// The row, numbered after `base` rows of earlier runs.
     #[must_use]
-    pub fn row(&self, base: u64) -> Row {
+    pub fn row(&self, base: u64) -> JournalRow {
         let mut body = Map::new();
         let mut say = |key: &str, value: Value| drop(body.insert(key.to_owned(), value));
         say("by", self.by.map(|owner| owner.to_string()).into());
@@ -227,19 +227,19 @@ impl Record {
             RecordKind::Attempt => {
                 say(
                     "outcome",
-                    self.report.map(|report| report.outcome.word()).into(),
+                    self.report.map(|report| report.outcome.keyword()).into(),
                 );
                 say(
                     "reason",
-                    self.report.map(|report| report.reason.word()).into(),
+                    self.report.map(|report| report.reason.keyword()).into(),
                 );
             }
             RecordKind::FailSafe(run) => {
-                say("cause", run.cause.word().into());
-                say("stage", run.stage.word().into());
+                say("cause", run.cause.keyword().into());
+                say("stage", run.stage.keyword().into());
             }
             RecordKind::Lease(change) => {
-                say("state", change.word().into());
+                say("state", change.keyword().into());
                 if let LeaseChange::TakenOver(from) = change {
                     say("from", from.to_string().into());
                 }
@@ -247,7 +247,7 @@ impl Record {
             RecordKind::MayStillRun(last_seen) => {
                 say(
                     "run_state",
-                    last_seen.map(|seen| seen.run_state.word()).into(),
+                    last_seen.map(|seen| seen.run_state.keyword()).into(),
                 );
                 say(
                     "output_hz",
@@ -268,8 +268,8 @@ impl Record {
             say("exception", exception.into());
         }
         let name = self.name.as_ref().map(Name::as_str);
-        let row = Row::new(self.at, self.kind.word(), name, &Value::Object(body));
-        Row {
+        let row = JournalRow::new(self.at, self.kind.keyword(), name, &Value::Object(body));
+        JournalRow {
             number: base + self.number,
             ..row
         }

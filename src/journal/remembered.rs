@@ -7,7 +7,7 @@ use crate::drive::usage::KeptUsage;
 
 /// The remembered state of one drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Remembered {
+pub struct RememberedDrive {
     /// Up to where its trips have been reported; `None` if it was never read.
     pub trips: Option<TripBaseline>,
     /// Number of its stored trips.

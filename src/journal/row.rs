@@ -2,7 +2,7 @@
 
 use crate::domain::report::{LineFault, LineState};
 use crate::domain::time::WallTime;
-use crate::drive::snapshot::Presence;
+use crate::drive::snapshot::DrivePresence;
 use crc::{CRC_32_ISO_HDLC, Crc};
 use serde_json::{Value, json};
 
@@ -10,7 +10,7 @@ const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// A table of rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Table {
+pub enum JournalTable {
     /// Attempts to write, and actions without a command.
     Audit,
     /// Availability of drives, lines and the gateway itself.
@@ -19,7 +19,7 @@ pub enum Table {
     Event,
 }
 
-impl Table {
+impl JournalTable {
     /// All of them, in the order in which they are cut when the journal is full.
     pub const ALL: [Self; 3] = [Self::Audit, Self::Availability, Self::Event];
 
@@ -36,7 +36,7 @@ impl Table {
 
 /// One row.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Row {
+pub struct JournalRow {
     /// Its number in its table, rising.
     pub number: u64,
     /// When it happened, by the wall clock at that time.
@@ -49,10 +49,10 @@ pub struct Row {
     pub body: String,
 }
 
-impl Row {
+impl JournalRow {
     /// The CRC stored with it in `table`. SQLite does not detect a flipped bit in a row.
     #[must_use]
-    pub fn crc(&self, table: Table) -> u32 {
+    pub fn crc(&self, table: JournalTable) -> u32 {
         let mut digest = CRC.digest();
         digest.update(table.name().as_bytes());
         digest.update(&self.number.to_le_bytes());
@@ -72,7 +72,7 @@ impl Row {
 
     /// This row if `crc` matches; `None` if it is damaged.
     #[must_use]
-    pub fn checked(self, table: Table, crc: u32) -> Option<Self> {
+    pub fn checked(self, table: JournalTable, crc: u32) -> Option<Self> {
         (self.crc(table) == crc).then_some(self)
     }
 
@@ -113,13 +113,13 @@ pub fn day_crc(name: &str, day: i32, body: &str) -> u32 {
 
 /// A drive went online or offline; `None` while that is not known.
 #[must_use]
-pub fn presence(at: WallTime, drive: &str, presence: Presence) -> Option<Row> {
+pub fn presence(at: WallTime, drive: &str, presence: DrivePresence) -> Option<JournalRow> {
     let word = match presence {
-        Presence::Unknown => return None,
-        Presence::Online => "online",
-        Presence::Offline => "offline",
+        DrivePresence::Unknown => return None,
+        DrivePresence::Online => "online",
+        DrivePresence::Offline => "offline",
     };
-    Some(Row::new(
+    Some(JournalRow::new(
         at,
         "drive",
         Some(drive),
@@ -129,33 +129,33 @@ pub fn presence(at: WallTime, drive: &str, presence: Presence) -> Option<Row> {
 
 /// A line went up or down, and why.
 #[must_use]
-pub fn line(at: WallTime, line: &str, state: LineState, fault: Option<LineFault>) -> Row {
+pub fn line(at: WallTime, line: &str, state: LineState, fault: Option<LineFault>) -> JournalRow {
     let body = match state {
         LineState::Up => json!({ "state": "up" }),
         LineState::Down => {
             json!({ "state": "down", "reason": fault.map(|fault| fault.to_string()) })
         }
     };
-    Row::new(at, "line", Some(line), &body)
+    JournalRow::new(at, "line", Some(line), &body)
 }
 
 /// The gateway has started.
 #[must_use]
-pub fn started(at: WallTime, version: &str, configuration: &str, has_changed: bool) -> Row {
+pub fn started(at: WallTime, version: &str, configuration: &str, has_changed: bool) -> JournalRow {
     let body = json!({ "state": "started", "version": version, "configuration": configuration, "changed": has_changed });
-    Row::new(at, "gateway", None, &body)
+    JournalRow::new(at, "gateway", None, &body)
 }
 
 /// The gateway exits on purpose.
 #[must_use]
-pub fn ended(at: WallTime) -> Row {
-    Row::new(at, "gateway", None, &json!({ "state": "ended" }))
+pub fn ended(at: WallTime) -> JournalRow {
+    JournalRow::new(at, "gateway", None, &json!({ "state": "ended" }))
 }
 
 /// The journal was recreated, and why; the old file may have been kept under another name.
 #[must_use]
-pub fn begun_anew(at: WallTime, reason: &str, kept_as: Option<&str>) -> Row {
-    Row::new(
+pub fn begun_anew(at: WallTime, reason: &str, kept_as: Option<&str>) -> JournalRow {
+    JournalRow::new(
         at,
         "journal",
         None,
@@ -165,8 +165,8 @@ pub fn begun_anew(at: WallTime, reason: &str, kept_as: Option<&str>) -> Row {
 
 /// Number of rows that could not be stored while the journal was broken.
 #[must_use]
-pub fn lost(at: WallTime, rows: u64) -> Row {
-    Row::new(
+pub fn lost(at: WallTime, rows: u64) -> JournalRow {
+    JournalRow::new(
         at,
         "journal",
         None,
@@ -178,11 +178,11 @@ pub fn lost(at: WallTime, rows: u64) -> Row {
 mod tests {
     use super::*;
 
-    fn row() -> Row {
+    fn row() -> JournalRow {
         let body = json!({ "by": "mqtt" });
-        Row {
+        JournalRow {
             number: 7,
-            ..Row::new(
+            ..JournalRow::new(
                 WallTime {
                     unix_ms: 1_767_225_600_000,
                 },
@@ -196,57 +196,61 @@ mod tests {
     #[test]
     fn what_is_kept_stays_readable() {
         // Literals: a change of the CRC computation would make every old row look damaged.
-        assert_eq!(row().crc(Table::Audit), 0x9EE8_53AD);
+        assert_eq!(row().crc(JournalTable::Audit), 0x9EE8_53AD);
         assert_eq!(memory_crc("pump-1", "{}"), 0x80E0_B1A6);
     }
 
     #[test]
     fn whatever_changes_shows() {
-        let crc = row().crc(Table::Audit);
-        assert_eq!(row().checked(Table::Audit, crc), Some(row()));
-        assert_eq!(row().checked(Table::Event, crc), None);
-        assert_eq!(row().checked(Table::Audit, crc ^ 1), None);
+        let crc = row().crc(JournalTable::Audit);
+        assert_eq!(row().checked(JournalTable::Audit, crc), Some(row()));
+        assert_eq!(row().checked(JournalTable::Event, crc), None);
+        assert_eq!(row().checked(JournalTable::Audit, crc ^ 1), None);
         let at = WallTime {
             unix_ms: 1_767_225_600_001,
         };
         for other in [
-            Row { number: 8, ..row() },
-            Row { at, ..row() },
-            Row {
+            JournalRow { number: 8, ..row() },
+            JournalRow { at, ..row() },
+            JournalRow {
                 kind: "attemps".into(),
                 ..row()
             },
-            Row {
+            JournalRow {
                 name: Some("pump-2".into()),
                 ..row()
             },
-            Row {
+            JournalRow {
                 name: None,
                 ..row()
             },
-            Row {
+            JournalRow {
                 kind: "attemptp".into(),
                 name: Some("ump-1".into()),
                 ..row()
             },
-            Row {
+            JournalRow {
                 body: "{\"by\":\"mqtu\"}".into(),
                 ..row()
             },
         ] {
-            assert_eq!(other.clone().checked(Table::Audit, crc), None, "{other:?}");
+            assert_eq!(
+                other.clone().checked(JournalTable::Audit, crc),
+                None,
+                "{other:?}"
+            );
         }
         assert_ne!(
-            Row {
+            JournalRow {
                 name: None,
                 ..row()
             }
-            .crc(Table::Audit),
-            Row {
+            .crc(JournalTable::Audit),
+            JournalRow {
                 name: Some(String::new()),
                 ..row()
             }
-            .crc(Table::Audit)
+            .crc(JournalTable::Audit)
         );
     }
 }

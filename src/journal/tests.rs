@@ -1,20 +1,20 @@
 //! What waits to be written: each attempt in one row, equal ones together, the newest when there is no room.
 
-use super::audit::{Audit, Change, Lost, OPEN_MAX, WAITING_MAX};
-use super::book::{Book, EVENTS_MAX};
+use super::audit::{AuditRows, LostCounts, OPEN_MAX, RowChange, WAITING_MAX};
+use super::book::{EVENTS_MAX, JournalBook};
 use super::merge::SHARES_MAX;
-use super::record::Record;
+use super::record::AuditRecord;
 use super::*;
-use crate::domain::command::{Go, Order, Outcome, Owner, Reason, Report};
+use crate::domain::command::{GoOrder, Order, Outcome, Owner, Reason, Report};
 use crate::domain::control::FailSafe;
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{CommanderName, DriveIndex, Name, UnitId};
 use crate::domain::time::{MonoTime, WallTime};
-use crate::drive::description::{DriveDescription, DriveRef, Points, Ratings};
-use crate::drive::plan::Pace;
-use crate::drive::snapshot::Presence;
+use crate::drive::description::{DriveDescription, DriveRatings, DriveRef, PointSettings};
+use crate::drive::plan::PollPace;
+use crate::drive::snapshot::DrivePresence;
 use crate::drive::view::{TripEvent, TripEventKind, TripRecord};
-use crate::profile::model::{CodeText, Confidence, Model, Role, WordOrder};
+use crate::profile::model::{CodeText, Confidence, Model, RegisterRole, WordOrder};
 use crate::vendors;
 use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
@@ -47,25 +47,25 @@ fn drive(called: &str) -> DriveDescription {
         unit: UnitId::new(1).unwrap(),
         uniform_unit: UnitId::new(101).unwrap(),
         group: None,
-        pace: Pace::new(Duration::from_millis(500), 1.0),
-        ratings: Ratings::default(),
+        pace: PollPace::new(Duration::from_millis(500), 1.0),
+        ratings: DriveRatings::default(),
         control: None,
-        points: Points::default(),
+        points: PointSettings::default(),
     }
 }
 
-fn attempt(id: u64, order: Order, report: Option<Report>) -> Attempt {
-    Attempt {
+fn attempt(id: u64, order: Order, report: Option<Report>) -> WriteAttempt {
+    WriteAttempt {
         id: AttemptId(id),
         owner: Owner::Mqtt,
-        tried: Tried::Order(order),
+        tried: TriedWrite::Order(order),
         report,
     }
 }
 
 fn setpoint(hertz: u32) -> Order {
     let frequency = Some(Hertz::from_millihertz(hertz * 1000));
-    Order::Go(Go::new(Vec::new(), frequency, None).unwrap())
+    Order::Go(GoOrder::new(Vec::new(), frequency, None).unwrap())
 }
 
 fn stop() -> Order {
@@ -75,12 +75,12 @@ fn stop() -> Order {
 /// A book and what a journal would hold of its audit.
 #[derive(Default)]
 struct Rig {
-    book: Book,
-    rows: BTreeMap<u64, Record>,
+    book: JournalBook,
+    rows: BTreeMap<u64, AuditRecord>,
 }
 
 impl Rig {
-    fn tell(&mut self, millis: u64, entry: Entry) {
+    fn tell(&mut self, millis: u64, entry: JournalEntry) {
         self.book
             .take(1, &drive("pump-1"), at(millis), entry, &label);
     }
@@ -88,8 +88,8 @@ impl Rig {
     fn write(&mut self) {
         for (number, change) in self.book.audit.waiting() {
             match change {
-                Change::Put(record) => drop(self.rows.insert(number, record.clone())),
-                Change::Remove => assert!(
+                RowChange::Put(record) => drop(self.rows.insert(number, record.clone())),
+                RowChange::Remove => assert!(
                     self.rows.remove(&number).is_some(),
                     "row {number} was never there"
                 ),
@@ -115,7 +115,7 @@ impl Rig {
 fn an_attempt_is_one_row_whether_its_end_comes_before_or_after_the_first_write() {
     for writes_between in [false, true] {
         let mut rig = Rig::default();
-        rig.tell(0, Entry::Attempt(attempt(1, setpoint(30), None)));
+        rig.tell(0, JournalEntry::Attempt(attempt(1, setpoint(30), None)));
         if writes_between {
             rig.write();
             assert_eq!(rig.shown(), [("30.00 Hz".to_owned(), None, 1)]);
@@ -123,7 +123,7 @@ fn an_attempt_is_one_row_whether_its_end_comes_before_or_after_the_first_write()
         let report = Report::new(Outcome::Confirmed, Reason::None);
         rig.tell(
             5,
-            Entry::Ended {
+            JournalEntry::Ended {
                 attempt: AttemptId(1),
                 report,
             },
@@ -131,14 +131,14 @@ fn an_attempt_is_one_row_whether_its_end_comes_before_or_after_the_first_write()
         // Reported twice by mistake, or never begun: ignored.
         rig.tell(
             6,
-            Entry::Ended {
+            JournalEntry::Ended {
                 attempt: AttemptId(1),
                 report,
             },
         );
         rig.tell(
             6,
-            Entry::Ended {
+            JournalEntry::Ended {
                 attempt: AttemptId(2),
                 report,
             },
@@ -158,7 +158,7 @@ fn equal_refusals_share_a_row_for_a_second() {
     for millis in [0, 1, 999, 1000, 1001] {
         rig.tell(
             millis,
-            Entry::Attempt(attempt(
+            JournalEntry::Attempt(attempt(
                 millis,
                 setpoint(60),
                 refused(Reason::OutsideLimits),
@@ -170,11 +170,11 @@ fn equal_refusals_share_a_row_for_a_second() {
     }
     rig.tell(
         1001,
-        Entry::Attempt(attempt(7, setpoint(61), refused(Reason::OutsideLimits))),
+        JournalEntry::Attempt(attempt(7, setpoint(61), refused(Reason::OutsideLimits))),
     );
     rig.tell(
         1001,
-        Entry::Attempt(attempt(8, setpoint(60), refused(Reason::Tripped))),
+        JournalEntry::Attempt(attempt(8, setpoint(60), refused(Reason::Tripped))),
     );
     rig.write();
     let counts: Vec<_> = rig
@@ -201,7 +201,7 @@ fn a_slider_that_is_dragged_is_one_row_a_second() {
         for number in 0..100_u64 {
             rig.tell(
                 number,
-                Entry::Attempt(attempt(number, setpoint(number as u32), None)),
+                JournalEntry::Attempt(attempt(number, setpoint(number as u32), None)),
             );
             if number % write_each == 0 {
                 rig.write();
@@ -210,7 +210,7 @@ fn a_slider_that_is_dragged_is_one_row_a_second() {
                 let report = Report::new(Outcome::Superseded, Reason::Newer);
                 rig.tell(
                     number,
-                    Entry::Ended {
+                    JournalEntry::Ended {
                         attempt: AttemptId(number - 1),
                         report,
                     },
@@ -220,7 +220,7 @@ fn a_slider_that_is_dragged_is_one_row_a_second() {
         let report = Report::new(Outcome::Confirmed, Reason::None);
         rig.tell(
             101,
-            Entry::Ended {
+            JournalEntry::Ended {
                 attempt: AttemptId(99),
                 report,
             },
@@ -242,7 +242,7 @@ fn a_slider_that_is_dragged_is_one_row_a_second() {
 fn others_and_other_orders_share_no_row() {
     let mut rig = Rig::default();
     let superseded = Report::new(Outcome::Superseded, Reason::Newer);
-    let run = Go::new(
+    let run = GoOrder::new(
         Vec::new(),
         None,
         Some(crate::domain::command::Direction::Forward),
@@ -254,10 +254,10 @@ fn others_and_other_orders_share_no_row() {
         (3, Order::Go(run.clone())),
         (4, Order::Go(run)),
     ] {
-        rig.tell(0, Entry::Attempt(attempt(number, order, None)));
+        rig.tell(0, JournalEntry::Attempt(attempt(number, order, None)));
         rig.tell(
             0,
-            Entry::Ended {
+            JournalEntry::Ended {
                 attempt: AttemptId(number),
                 report: superseded,
             },
@@ -265,7 +265,7 @@ fn others_and_other_orders_share_no_row() {
     }
     let refused = Some(Report::refused(Reason::Tripped));
     for (owner, source) in [(Owner::Mqtt, 2), (Owner::Local, 3)] {
-        let attempt = Attempt {
+        let attempt = WriteAttempt {
             owner,
             ..attempt(1, stop(), refused)
         };
@@ -280,14 +280,14 @@ fn others_and_other_orders_share_no_row() {
 fn while_nothing_can_be_written_the_newest_is_kept_and_the_rest_is_counted() {
     let mut rig = Rig::default();
     let attempts = 3 * WAITING_MAX as u64;
-    rig.tell(0, Entry::Attempt(attempt(0, stop(), None)));
+    rig.tell(0, JournalEntry::Attempt(attempt(0, stop(), None)));
     for number in 1..=attempts {
         // Neither equal nor within a second, so that each is a row of its own.
-        let tried = Tried::Text(format!("no {number}"));
+        let tried = TriedWrite::Text(format!("no {number}"));
         let report = Some(Report::refused(Reason::NotUnderstood));
         rig.tell(
             0,
-            Entry::Attempt(Attempt {
+            JournalEntry::Attempt(WriteAttempt {
                 tried,
                 ..attempt(number, stop(), report)
             }),
@@ -295,7 +295,7 @@ fn while_nothing_can_be_written_the_newest_is_kept_and_the_rest_is_counted() {
     }
     rig.tell(
         1,
-        Entry::Ended {
+        JournalEntry::Ended {
             attempt: AttemptId(0),
             report: Report::new(Outcome::Confirmed, Reason::None),
         },
@@ -314,14 +314,14 @@ fn while_nothing_can_be_written_the_newest_is_kept_and_the_rest_is_counted() {
         "a stop gives way last"
     );
     assert_eq!(rig.shown()[WAITING_MAX - 1].0, format!("no {attempts}"));
-    assert_eq!(rig.book.take_lost(), Lost::default());
+    assert_eq!(rig.book.take_lost(), LostCounts::default());
 }
 
 #[test]
 fn what_is_counted_together_and_gives_way_is_lost_once() {
     let mut rig = Rig::default();
     let equal = |id| {
-        Entry::Attempt(attempt(
+        JournalEntry::Attempt(attempt(
             id,
             setpoint(60),
             Some(Report::refused(Reason::Tripped)),
@@ -331,11 +331,11 @@ fn what_is_counted_together_and_gives_way_is_lost_once() {
     rig.write();
     (10..15).for_each(|id| rig.tell(1, equal(id)));
     for number in 0..WAITING_MAX as u64 {
-        let tried = Tried::Text(format!("no {number}"));
+        let tried = TriedWrite::Text(format!("no {number}"));
         let report = Some(Report::refused(Reason::NotUnderstood));
         rig.tell(
             2,
-            Entry::Attempt(Attempt {
+            JournalEntry::Attempt(WriteAttempt {
                 tried,
                 ..attempt(number, stop(), report)
             }),
@@ -343,7 +343,7 @@ fn what_is_counted_together_and_gives_way_is_lost_once() {
     }
     assert_eq!(
         rig.book.take_lost(),
-        Lost {
+        LostCounts {
             attempts: 5,
             others: 0
         },
@@ -357,9 +357,10 @@ fn what_is_counted_together_and_gives_way_is_lost_once() {
 
 #[test]
 fn what_is_open_and_what_is_shared_is_bounded() {
-    let mut audit = Audit::default();
+    let mut audit = AuditRows::default();
     for number in 0..OPEN_MAX as u64 + 10 {
-        let record = Record::of_attempt(label(at(0)), None, &attempt(number, setpoint(1), None));
+        let record =
+            AuditRecord::of_attempt(label(at(0)), None, &attempt(number, setpoint(1), None));
         audit.add(at(0), record, Some((1, AttemptId(number))));
         audit.written();
     }
@@ -371,11 +372,11 @@ fn what_is_open_and_what_is_shared_is_bounded() {
     let mut rig = Rig::default();
     for round in 0..2 {
         for number in 0..SHARES_MAX as u64 + 1 {
-            let tried = Tried::Text(format!("no {number}"));
+            let tried = TriedWrite::Text(format!("no {number}"));
             let report = Some(Report::refused(Reason::NotUnderstood));
             rig.tell(
                 round,
-                Entry::Attempt(Attempt {
+                JournalEntry::Attempt(WriteAttempt {
                     tried,
                     ..attempt(number, stop(), report)
                 }),
@@ -407,7 +408,7 @@ fn a_trip_is_worded_once_and_changes_what_is_remembered() {
         at: at(100),
         while_away: true,
     };
-    rig.tell(100, Entry::Trip(tripped, baseline));
+    rig.tell(100, JournalEntry::Trip(tripped, baseline));
     assert!(rig.book.has_trip());
     let event = rig.book.events().next().unwrap();
     assert_eq!(
@@ -438,13 +439,13 @@ fn a_trip_is_worded_once_and_changes_what_is_remembered() {
             at: at(0),
             while_away: false,
         };
-        rig.tell(0, Entry::Trip(event, baseline));
+        rig.tell(0, JournalEntry::Trip(event, baseline));
     }
     assert_eq!(
         (rig.book.events().count(), rig.book.take_lost()),
         (
             EVENTS_MAX,
-            Lost {
+            LostCounts {
                 attempts: 0,
                 others: 1
             }
@@ -458,21 +459,21 @@ fn uncommanded_actions_and_availability_are_rows_too() {
     let owner = Some(Owner::Mqtt);
     rig.tell(
         0,
-        Entry::FailSafe {
+        JournalEntry::FailSafe {
             owner,
             action: FailSafe::Stop,
-            cause: Cause::CommanderLost,
+            cause: FailSafeCause::CommanderLost,
         },
     );
-    rig.tell(0, Entry::StopPending { coast: false });
+    rig.tell(0, JournalEntry::StopPending { coast: false });
     rig.tell(
         0,
-        Entry::StopOver {
+        JournalEntry::StopOver {
             is_effective: false,
         },
     );
-    rig.tell(0, Entry::Presence(Presence::Offline));
-    rig.tell(0, Entry::Presence(Presence::Unknown));
+    rig.tell(0, JournalEntry::Presence(DrivePresence::Offline));
+    rig.tell(0, JournalEntry::Presence(DrivePresence::Unknown));
     let rows: Vec<_> = rig
         .book
         .availability()
@@ -498,14 +499,14 @@ fn uncommanded_actions_and_availability_are_rows_too() {
 fn what_is_not_needed_is_forgotten_unless_something_new_comes() {
     let mut rig = Rig::default();
     let name = Name::new("pump-1").unwrap();
-    rig.tell(0, Entry::StopPending { coast: false });
+    rig.tell(0, JournalEntry::StopPending { coast: false });
     rig.write();
     rig.book.forget(&name);
     assert_eq!(
         (rig.book.forgotten().collect::<Vec<_>>(), rig.book.len()),
         (vec![&name], 1)
     );
-    rig.tell(1, Entry::StopPending { coast: true });
+    rig.tell(1, JournalEntry::StopPending { coast: true });
     assert_eq!(
         (rig.book.forgotten().count(), rig.book.memory().count()),
         (0, 1)
@@ -520,10 +521,10 @@ fn changes_of_control_are_rows() {
     let mut rig = Rig::default();
     let by = |name: &str| Some(Owner::MqttBy(CommanderName::new(name).unwrap()));
     for owner in [by("a"), by("a"), by("b"), None, None, by("a")] {
-        rig.tell(0, Entry::Lease(owner));
+        rig.tell(0, JournalEntry::Lease(owner));
     }
     rig.book.orphan_leases(at(1), label(at(1)));
-    rig.tell(2, Entry::Lease(by("a")));
+    rig.tell(2, JournalEntry::Lease(by("a")));
     rig.write();
     let rows: Vec<_> = rig.rows.values().map(|record| record.row(0)).collect();
     assert!(
@@ -548,7 +549,7 @@ fn who_stood_in_the_way_is_in_the_row_and_another_one_makes_another_row() {
     for (id, holder) in [(1, Owner::Mqtt), (2, Owner::Mqtt), (3, Owner::Local)] {
         rig.tell(
             0,
-            Entry::Attempt(attempt(id, setpoint(30), Some(Report::held_by(holder)))),
+            JournalEntry::Attempt(attempt(id, setpoint(30), Some(Report::held_by(holder)))),
         );
     }
     rig.write();
@@ -571,12 +572,12 @@ fn a_lease_of_an_earlier_life_is_marked_once() {
     });
     let memory = BTreeMap::from([(
         name.clone(),
-        Remembered {
+        RememberedDrive {
             lease,
-            ..Remembered::default()
+            ..RememberedDrive::default()
         },
     )]);
-    let mut book = Book::new(memory);
+    let mut book = JournalBook::new(memory);
     book.orphan_leases(at(0), label(at(0)));
     assert!(
         book.memory()
@@ -595,7 +596,7 @@ fn of_trips_that_are_bits_all_texts_are_reported() {
     let mut model = Model::clone(&drive.model);
     let mut register = model.registers[0].clone();
     model.registers.clear();
-    register.role = Some(Role::TripBits);
+    register.role = Some(RegisterRole::TripBits);
     let address = register.address;
     model.registers.push(register);
     let text = |code, text: &str| CodeText {

@@ -4,8 +4,8 @@ use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::view::{DriveView, TripEvent, TripEventKind, TripRecord};
-use crate::profile::model::{Register, Role};
-use crate::profile::scale::Scaled;
+use crate::profile::model::{Register, RegisterRole};
+use crate::profile::scale::ScaledValue;
 use crate::profile::value::codes_of_bits;
 use serde_json::{Map, Value, json};
 
@@ -107,10 +107,10 @@ pub fn active_text(drive: &DriveDescription, view: &DriveView) -> Option<String>
 /// What a register with `role` says about trips with the code or the bits `shown`; `None` if it shows none, or other
 /// things.
 #[must_use]
-pub fn meaning(drive: &DriveDescription, role: Role, shown: u32) -> Option<String> {
+pub fn meaning(drive: &DriveDescription, role: RegisterRole, shown: u32) -> Option<String> {
     match role {
-        Role::TripBits => bits_text(drive, shown),
-        Role::TripCode | Role::TripCause | Role::TripHistory => {
+        RegisterRole::TripBits => bits_text(drive, shown),
+        RegisterRole::TripCode | RegisterRole::TripCause | RegisterRole::TripHistory => {
             text(drive, u16::try_from(shown).ok()?)
         }
         _ => None,
@@ -157,5 +157,5 @@ fn word_of(record: &TripRecord, address: Address) -> Option<u16> {
 
 /// The value of `register` from the words of the record; `null` if it depends on others.
 fn with_unit(register: &Register, record: &TripRecord) -> Value {
-    json!({ "value": register.value(|address| word_of(record, address)).map(Scaled::value), "unit": unit(register) })
+    json!({ "value": register.value(|address| word_of(record, address)).map(ScaledValue::value), "unit": unit(register) })
 }

@@ -1,8 +1,8 @@
 //! Orders and owners as text, for people and for JSON.
 
-use super::entry::Tried;
+use super::entry::TriedWrite;
 use crate::domain::address::Address;
-use crate::domain::command::{Direction, Go, Order, Owner};
+use crate::domain::command::{Direction, GoOrder, Order, Owner};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::CommanderName;
 
@@ -11,10 +11,10 @@ const TEXT_CHARS_MAX: usize = 200;
 
 /// What a client tried to write, in words: `30.00 Hz, run forward`, `0x000C = 100`.
 #[must_use]
-pub fn tried(tried: &Tried) -> String {
+pub fn tried(tried: &TriedWrite) -> String {
     match tried {
-        Tried::Order(order) => self::order(order),
-        Tried::Registers { address, values } => {
+        TriedWrite::Order(order) => self::order(order),
+        TriedWrite::Registers { address, values } => {
             let addresses = std::iter::successors(Some(*address), |address| {
                 Some(address.at(address.number().wrapping_add(1)))
             });
@@ -24,7 +24,7 @@ pub fn tried(tried: &Tried) -> String {
                     .map(|(address, value)| register(address, *value)),
             )
         }
-        Tried::Text(text) => text.chars().take(TEXT_CHARS_MAX).collect(),
+        TriedWrite::Text(text) => text.chars().take(TEXT_CHARS_MAX).collect(),
     }
 }
 
@@ -50,7 +50,7 @@ fn order(order: &Order) -> String {
     }
 }
 
-fn go(go: &Go) -> String {
+fn go(go: &GoOrder) -> String {
     let words = go.registers().iter().flat_map(|write| write.words());
     let registers = words.map(|(address, value)| register(address, value));
     let run = go.run().map(|direction| match direction {
@@ -74,14 +74,14 @@ fn joined(parts: impl Iterator<Item = String>) -> String {
 
 /// Whether it removes energy from the motor: such attempts have reserved room.
 #[must_use]
-pub const fn is_stop(tried: &Tried) -> bool {
-    matches!(tried, Tried::Order(order) if order.is_stop())
+pub const fn is_stop(tried: &TriedWrite) -> bool {
+    matches!(tried, TriedWrite::Order(order) if order.is_stop())
 }
 
 /// Whether it is only a setpoint: controllers send one after the other.
 #[must_use]
-pub fn is_setpoint(tried: &Tried) -> bool {
-    let Tried::Order(Order::Go(go)) = tried else {
+pub fn is_setpoint(tried: &TriedWrite) -> bool {
+    let TriedWrite::Order(Order::Go(go)) = tried else {
         return false;
     };
     go.registers().is_empty() && go.frequency().is_some() && go.run().is_none()
@@ -111,13 +111,13 @@ mod tests {
     #[test]
     fn orders_have_words() {
         let go = |registers, frequency, run| {
-            Tried::Order(Order::Go(Go::new(registers, frequency, run).unwrap()))
+            TriedWrite::Order(Order::Go(GoOrder::new(registers, frequency, run).unwrap()))
         };
         let thirty = Some(Hertz::from_millihertz(30_000));
         let table = [
-            (Tried::Order(Order::Stop { setpoint: None }), "stop"),
+            (TriedWrite::Order(Order::Stop { setpoint: None }), "stop"),
             (
-                Tried::Order(Order::Stop { setpoint: thirty }),
+                TriedWrite::Order(Order::Stop { setpoint: thirty }),
                 "stop, 30.00 Hz",
             ),
             (
@@ -133,17 +133,17 @@ mod tests {
                 "0x000C = 1, 0x000D = 100",
             ),
             (
-                Tried::Registers {
+                TriedWrite::Registers {
                     address: 0xFFFF_u16.into(),
                     values: vec![1, 2],
                 },
                 "0xFFFF = 1, 0x0000 = 2",
             ),
             (
-                Tried::Order(Order::Setup(vec![1_u16.into(), 0x0211_u16.into()])),
+                TriedWrite::Order(Order::Setup(vec![1_u16.into(), 0x0211_u16.into()])),
                 "setup 0x0001, 0x0211",
             ),
-            (Tried::Text("ü".repeat(300)), &"ü".repeat(200)),
+            (TriedWrite::Text("ü".repeat(300)), &"ü".repeat(200)),
         ];
         for (tried, text) in table {
             assert_eq!(super::tried(&tried), text);
@@ -153,12 +153,12 @@ mod tests {
     #[test]
     fn only_a_setpoint_alone_is_one() {
         let go = |run| {
-            Tried::Order(Order::Go(
-                Go::new(Vec::new(), Some(Hertz::ZERO), run).unwrap(),
+            TriedWrite::Order(Order::Go(
+                GoOrder::new(Vec::new(), Some(Hertz::ZERO), run).unwrap(),
             ))
         };
         assert!(is_setpoint(&go(None)) && !is_setpoint(&go(Some(Direction::Forward))));
-        assert!(!is_setpoint(&Tried::Order(Order::Stop {
+        assert!(!is_setpoint(&TriedWrite::Order(Order::Stop {
             setpoint: Some(Hertz::ZERO)
         })));
     }

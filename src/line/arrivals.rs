@@ -5,11 +5,11 @@ use std::collections::VecDeque;
 
 /// Reads of the port whose bytes are not classified yet, oldest first. There are never more reads than such bytes.
 #[derive(Debug, Default)]
-pub(super) struct Arrivals {
+pub(super) struct PortArrivals {
     reads: VecDeque<(usize, MonoTime)>,
 }
 
-impl Arrivals {
+impl PortArrivals {
     /// Records that `bytes` bytes were read at `now`.
     pub fn read(&mut self, bytes: usize, now: MonoTime) {
         if bytes > 0 {
@@ -49,7 +49,7 @@ mod tests {
     #[test]
     fn bytes_have_the_moments_of_their_own_reads() {
         let ms = MonoTime::from_millis;
-        let mut arrivals = Arrivals::default();
+        let mut arrivals = PortArrivals::default();
         assert_eq!(arrivals.take(1), None);
         for (bytes, at) in [(3, 10), (0, 11), (4, 12), (2, 20)] {
             arrivals.read(bytes, ms(at));

@@ -14,11 +14,11 @@ pub const TRY_PATIENCE: Duration = Duration::from_secs(2);
 
 /// Data for loop tests: no word repeats before all have been used, and none resembles its predecessor.
 #[derive(Clone, Copy, Debug)]
-pub struct Nonces {
+pub struct LoopNonces {
     next: u16,
 }
 
-impl Nonces {
+impl LoopNonces {
     /// Data with a start that depends on `seed`.
     #[must_use]
     pub const fn new(seed: u64) -> Self {
@@ -44,7 +44,7 @@ impl Nonces {
 
 /// Whether a barrier may be relied on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Proof {
+enum BarrierProof {
     /// A document of the drive says so.
     Documented,
     /// It has to be tested; `tries` answers arrived damaged.
@@ -57,13 +57,13 @@ enum Proof {
 
 /// The barriers of one drive, in its model's order.
 #[derive(Debug)]
-pub struct Barriers {
-    known: Vec<(Barrier, Proof)>,
+pub struct DriveBarriers {
+    known: Vec<(Barrier, BarrierProof)>,
     /// Since when the drive has been answering; `None` if it does not.
     online_since: Option<MonoTime>,
 }
 
-impl Barriers {
+impl DriveBarriers {
     /// The barriers of a drive of `model`, none of them tested.
     #[must_use]
     pub fn new(model: &Model) -> Self {
@@ -101,9 +101,9 @@ impl Barriers {
             for (_, proof) in self
                 .known
                 .iter_mut()
-                .filter(|(_, proof)| *proof == Proof::Failed)
+                .filter(|(_, proof)| *proof == BarrierProof::Failed)
             {
-                *proof = Proof::Open { tries: 0 };
+                *proof = BarrierProof::Open { tries: 0 };
             }
         }
     }
@@ -118,7 +118,7 @@ impl Barriers {
         let proven = self
             .known
             .iter()
-            .filter(|(_, proof)| matches!(proof, Proof::Documented | Proof::Shown));
+            .filter(|(_, proof)| matches!(proof, BarrierProof::Documented | BarrierProof::Shown));
         proven.filter_map(move |(barrier, _)| request(barrier, echo, nonce))
     }
 
@@ -130,7 +130,7 @@ impl Barriers {
             .known
             .iter()
             .enumerate()
-            .filter(|(_, (_, proof))| matches!(proof, Proof::Open { .. }));
+            .filter(|(_, (_, proof))| matches!(proof, BarrierProof::Open { .. }));
         open.filter_map(|(place, (barrier, _))| {
             Some((place, request(barrier, echo, nonce)?, since))
         })
@@ -139,35 +139,37 @@ impl Barriers {
 
     /// The barrier at `place` was tested and answered correctly.
     pub fn shown(&mut self, place: usize) {
-        self.set(place, |_| Proof::Shown);
+        self.set(place, |_| BarrierProof::Shown);
     }
 
     /// The barrier at `place` was tested, and its answer arrived damaged.
     pub fn damaged(&mut self, place: usize) {
         self.set(place, |proof| match proof {
-            Proof::Open { tries } if tries + 1 < TRIES_MAX => Proof::Open { tries: tries + 1 },
-            _ => Proof::Failed,
+            BarrierProof::Open { tries } if tries + 1 < TRIES_MAX => {
+                BarrierProof::Open { tries: tries + 1 }
+            }
+            _ => BarrierProof::Failed,
         });
     }
 
     /// The test of the barrier at `place` failed.
     pub fn failed(&mut self, place: usize) {
-        self.set(place, |_| Proof::Failed);
+        self.set(place, |_| BarrierProof::Failed);
     }
 
-    fn set(&mut self, place: usize, change: impl FnOnce(Proof) -> Proof) {
+    fn set(&mut self, place: usize, change: impl FnOnce(BarrierProof) -> BarrierProof) {
         if let Some((_, proof)) = self.known.get_mut(place) {
             *proof = change(*proof);
         }
     }
 }
 
-fn proof_at_first(barrier: &Barrier) -> Proof {
+fn proof_at_first(barrier: &Barrier) -> BarrierProof {
     match barrier {
-        Barrier::Read(_) => Proof::Documented,
-        Barrier::Loop(fact) if fact.confidence.is_proven() => Proof::Documented,
+        Barrier::Read(_) => BarrierProof::Documented,
+        Barrier::Loop(fact) if fact.confidence.is_proven() => BarrierProof::Documented,
         // Silence would cost a timeout each time, so documents are not trusted without a test.
-        Barrier::Loop(_) | Barrier::Refused(_) => Proof::Open { tries: 0 },
+        Barrier::Loop(_) | Barrier::Refused(_) => BarrierProof::Open { tries: 0 },
     }
 }
 
@@ -197,14 +199,14 @@ mod tests {
 
     const ECHOES: [LocalEcho; 3] = [LocalEcho::Unknown, LocalEcho::Excluded, LocalEcho::Found];
 
-    fn barriers(all: Vec<Barrier>) -> Barriers {
+    fn barriers(all: Vec<Barrier>) -> DriveBarriers {
         let mut model = Model::clone(
             vendors::catalog()
                 .find("hyundai-n700")
                 .expect("it is built in"),
         );
         model.barriers = all;
-        Barriers::new(&model)
+        DriveBarriers::new(&model)
     }
 
     fn fact<T>(value: T, confidence: Confidence) -> Fact<T> {
@@ -215,13 +217,13 @@ mod tests {
         }
     }
 
-    fn count(barriers: &Barriers, echo: LocalEcho) -> usize {
+    fn count(barriers: &DriveBarriers, echo: LocalEcho) -> usize {
         barriers.usable(echo, 7).count()
     }
 
     #[test]
     fn no_word_repeats_and_neighbours_differ_in_more_than_a_bit() {
-        let mut nonces = Nonces::new(0xFFFF_FFF0);
+        let mut nonces = LoopNonces::new(0xFFFF_FFF0);
         let mut words = vec![];
         for _ in 0..=u16::MAX {
             words.push(nonces.peek());
@@ -233,7 +235,7 @@ mod tests {
             .filter(|pair| (pair[0] ^ pair[1]).count_ones() < 2)
             .count();
         assert!(alike < 200, "{alike}");
-        assert_ne!(Nonces::new(1).peek(), Nonces::new(2).peek());
+        assert_ne!(LoopNonces::new(1).peek(), LoopNonces::new(2).peek());
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! The time that a poll plan and a stop take on the wire, computed before any port is opened.
 
 use super::station::BACK_OFF_FIRST;
-use super::timeouts::{Class, ReplyTimeouts, longer_reply, reply_delay, turnaround};
-use super::timing::Timing;
+use super::timeouts::{ReplyTimeouts, RequestClass, longer_reply, reply_delay, turnaround};
+use super::timing::LineTiming;
 use crate::domain::report::StopBounds;
 use crate::drive::plan::{self, PollGroup};
 use crate::profile::model::{Barrier, BlockWrite, Model, PollClass};
@@ -49,7 +49,7 @@ pub struct PlannedRead {
 
 /// What the polls of one line cost.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Budget {
+pub struct PollBudget {
     /// Share of the line's time that the plan takes; above 1.0 every period stretches.
     pub use_of_line: f64,
     /// Share of the line's time that the plan takes if every drive were set to the longest reply delay.
@@ -62,7 +62,7 @@ pub struct Budget {
     pub stations: Vec<Vec<PlannedRead>>,
 }
 
-impl Budget {
+impl PollBudget {
     /// Approximate maximum age of a value of `read` while its drive answers: the stretched period, and what may be on
     /// the wire before it.
     #[must_use]
@@ -85,7 +85,7 @@ impl Budget {
 /// Time that one exchange takes: silence, request, turnaround, reply.
 #[must_use]
 pub fn exchange_time(
-    timing: &Timing,
+    timing: &LineTiming,
     request_pdu_bytes: usize,
     turnaround: Duration,
     reply_pdu_bytes: usize,
@@ -96,16 +96,16 @@ pub fn exchange_time(
 
 /// Time that one read of `count` words takes if the drive answers after `turnaround`.
 #[must_use]
-pub fn read_time(timing: &Timing, count: u16, turnaround: Duration) -> Duration {
+pub fn read_time(timing: &LineTiming, count: u16, turnaround: Duration) -> Duration {
     exchange_time(timing, SHORT_PDU_BYTES, turnaround, reply_bytes(count))
 }
 
 /// Adds up the plans of `stations`, which share the line of `timing`.
 #[must_use]
 pub fn of_plan<'a>(
-    timing: &Timing,
+    timing: &LineTiming,
     stations: impl IntoIterator<Item = PlannedStation<'a>>,
-) -> Budget {
+) -> PollBudget {
     let stations: Vec<_> = stations
         .into_iter()
         .map(|station| planned(timing, &station))
@@ -125,7 +125,7 @@ pub fn of_plan<'a>(
         .map(|read| read.cost)
         .max()
         .unwrap_or_default();
-    Budget {
+    PollBudget {
         use_of_line,
         use_if_delayed,
         stretch: use_of_line.max(1.0),
@@ -136,7 +136,7 @@ pub fn of_plan<'a>(
 
 /// What it takes to read all polled registers of a line once.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Refresh {
+pub struct RefreshCost {
     /// Reads by the plan, when all is due.
     pub reads: usize,
     /// Time that they take.
@@ -150,10 +150,10 @@ pub struct Refresh {
 /// A full refresh of `stations`, beside the shortest one.
 #[must_use]
 pub fn refresh<'a>(
-    timing: &Timing,
+    timing: &LineTiming,
     stations: impl IntoIterator<Item = PlannedStation<'a>>,
-) -> Refresh {
-    let mut all = Refresh::default();
+) -> RefreshCost {
+    let mut all = RefreshCost::default();
     for station in stations {
         let cost = |words| read_cost(timing, station.model, words);
         let time = |reads: &[plan::Read]| {
@@ -173,16 +173,16 @@ pub fn refresh<'a>(
 }
 
 /// Time that one read of `count` words of a drive of `model` takes.
-fn read_cost(timing: &Timing, model: &Model, count: u16) -> Duration {
-    let wait = turnaround(&model.timing, Class::Read);
+fn read_cost(timing: &LineTiming, model: &Model, count: u16) -> Duration {
+    let wait = turnaround(&model.timing, RequestClass::Read);
     read_time(timing, count, wait) + longer(timing, model, reply_bytes(count))
 }
 
-fn planned(timing: &Timing, station: &PlannedStation<'_>) -> Vec<PlannedRead> {
+fn planned(timing: &LineTiming, station: &PlannedStation<'_>) -> Vec<PlannedRead> {
     let times = &station.model.timing;
     let read = |group: PollGroup| {
         let cost = read_cost(timing, station.model, group.count);
-        let period = group.period(plan::Pace::new(station.poll, 1.0));
+        let period = group.period(plan::PollPace::new(station.poll, 1.0));
         PlannedRead {
             group,
             period,
@@ -196,14 +196,14 @@ fn planned(timing: &Timing, station: &PlannedStation<'_>) -> Vec<PlannedRead> {
 /// How long a stop for one drive of a line of `stations` may have to wait.
 #[must_use]
 pub fn stop_bounds<'a>(
-    timing: &Timing,
+    timing: &LineTiming,
     stations: impl IntoIterator<Item = PlannedStation<'a>>,
 ) -> StopBounds {
     let stations: Vec<_> = stations.into_iter().collect();
     // A stop that is accepted right after a broadcast stop waits until the drives have carried that out.
     let pauses = stations
         .iter()
-        .map(|it| pause_after(it.model, Class::Write));
+        .map(|it| pause_after(it.model, RequestClass::Write));
     let left_alone = pauses.fold(BROADCAST_TURNAROUND, Duration::max);
     let after_broadcast = exchange_time(timing, SHORT_PDU_BYTES, left_alone, 0);
     let least = if !timing.may_have_converter() && may_stop_at_once(&stations) {
@@ -232,7 +232,7 @@ pub fn stop_bounds<'a>(
                 + timing.silence;
             bounds.all_healthy = bounds.all_healthy.max(in_time + pause);
             bounds.one_silent = bounds.one_silent.max(silent + pause);
-            if class == Class::Write {
+            if class == RequestClass::Write {
                 bounds.each_further = bounds.each_further.max(in_time);
             }
         }
@@ -244,7 +244,7 @@ pub fn stop_bounds<'a>(
 /// effect wait until no late reply can be mistaken for theirs. That takes one exchange with a barrier, or else the
 /// maximum lateness; nothing where replies carry the number of their request.
 #[must_use]
-pub fn missing_reply_costs(timing: &Timing, station: &PlannedStation<'_>) -> Duration {
+pub fn missing_reply_costs(timing: &LineTiming, station: &PlannedStation<'_>) -> Duration {
     if timing.framing.identifies_replies() {
         return Duration::ZERO;
     }
@@ -256,8 +256,8 @@ pub fn missing_reply_costs(timing: &Timing, station: &PlannedStation<'_>) -> Dur
     let words = station.model.barriers.iter().filter_map(settles).max();
     let wait = station.timeouts.read;
     words.map_or(wait + station.max_lateness, |words| {
-        let usual =
-            turnaround(&station.model.timing, Class::Read) + reply_delay(&station.model.timing);
+        let usual = turnaround(&station.model.timing, RequestClass::Read)
+            + reply_delay(&station.model.timing);
         read_time(timing, words, usual.min(wait))
             + longer(timing, station.model, reply_bytes(words))
     })
@@ -282,7 +282,7 @@ fn may_stop_at_once(stations: &[PlannedStation<'_>]) -> bool {
 /// it is deaf after a write.
 #[must_use]
 pub fn longest_gap(
-    timing: &Timing,
+    timing: &LineTiming,
     age: Duration,
     station: &PlannedStation<'_>,
     stop: &StopBounds,
@@ -308,7 +308,7 @@ pub fn longest_gap(
 /// own watchdog has to be set to more than twice that.
 #[must_use]
 pub fn longest_gap_on_line(
-    timing: &Timing,
+    timing: &LineTiming,
     stations: &[PlannedStation<'_>],
     place: usize,
     commanded: usize,
@@ -326,7 +326,7 @@ pub fn longest_gap_on_line(
 }
 
 /// The longest exchanges with a drive of `model`: class, and PDU bytes of request and reply.
-fn exchanges(model: &Model) -> impl Iterator<Item = (Class, usize, usize)> + '_ {
+fn exchanges(model: &Model) -> impl Iterator<Item = (RequestClass, usize, usize)> + '_ {
     let block = |block: &BlockWrite| {
         (
             6 + WORD_BYTES * usize::from(block.count.value),
@@ -359,7 +359,7 @@ fn exchanges(model: &Model) -> impl Iterator<Item = (Class, usize, usize)> + '_ 
     ];
     let writes = writes.into_iter().flatten();
     let writes = writes.flat_map(|(request, reply)| {
-        [Class::Write, Class::StoredWrite]
+        [RequestClass::Write, RequestClass::StoredWrite]
             .into_iter()
             .map(move |class| (class, request, reply))
     });
@@ -367,21 +367,21 @@ fn exchanges(model: &Model) -> impl Iterator<Item = (Class, usize, usize)> + '_ 
     writes.chain(
         reads
             .into_iter()
-            .map(|reply| (Class::Read, SHORT_PDU_BYTES, reply)),
+            .map(|reply| (RequestClass::Read, SHORT_PDU_BYTES, reply)),
     )
 }
 
 /// How long a drive of `model` is left alone after a request of `class`.
-fn pause_after(model: &Model, class: Class) -> Duration {
+fn pause_after(model: &Model, class: RequestClass) -> Duration {
     match class {
-        Class::Read => Duration::ZERO,
-        Class::Write => model.timing.pause_after(false),
-        Class::StoredWrite => model.timing.pause_after(true),
+        RequestClass::Read => Duration::ZERO,
+        RequestClass::Write => model.timing.pause_after(false),
+        RequestClass::StoredWrite => model.timing.pause_after(true),
     }
 }
 
 /// By how much a reply with a PDU of `pdu_bytes` takes longer because the drive sends longer characters.
-fn longer(timing: &Timing, model: &Model, pdu_bytes: usize) -> Duration {
+fn longer(timing: &LineTiming, model: &Model, pdu_bytes: usize) -> Duration {
     let char_bits = model.timing.reply_char_bits.as_ref().map(|fact| fact.value);
     longer_reply(timing, char_bits, timing.adu_bytes(pdu_bytes))
 }
@@ -521,7 +521,7 @@ mod tests {
 
     #[test]
     fn over_modbus_tcp_only_the_drives_themselves_take_time() {
-        let timing = Timing::for_models(Framing::Mbap, N700.link, [], Duration::ZERO);
+        let timing = LineTiming::for_models(Framing::Mbap, N700.link, [], Duration::ZERO);
         let broadcasts = |model: &mut Model| model.link.broadcast = n700().link.broadcast.clone();
         let model = model(broadcasts);
         assert!(

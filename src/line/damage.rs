@@ -2,7 +2,7 @@
 //! and unexpected data.
 
 use super::fault::Fault;
-use super::station::Stray;
+use super::station::StrayFrame;
 use crate::domain::counts::{DamageCounts, LONG_REPLY_PDU_BYTES};
 use crate::domain::ids::Station;
 use crate::domain::link::Framing;
@@ -79,19 +79,19 @@ impl DamageWatch {
     }
 
     /// A frame of the station at `place` arrived that answers no open request.
-    pub fn stray(&mut self, place: usize, stray: Stray) {
+    pub fn stray(&mut self, place: usize, stray: StrayFrame) {
         let Some((_, counts)) = self.stations.get_mut(place) else {
             return;
         };
         match stray {
-            Stray::Explained => counts.late += 1,
-            Stray::BeyondLimit(_) => {
+            StrayFrame::Explained => counts.late += 1,
+            StrayFrame::BeyondLimit(_) => {
                 counts.late += 1;
                 counts.beyond_limit += 1;
             }
-            Stray::TooMany(_) => counts.doubled += 1,
+            StrayFrame::TooMany(_) => counts.doubled += 1,
             // What it is, the end of the exchange tells.
-            Stray::WrongForm(_) => {}
+            StrayFrame::WrongForm(_) => {}
         }
     }
 
@@ -285,11 +285,11 @@ mod tests {
         let mut watch = watch(Framing::Rtu);
         let late = Duration::from_millis(700);
         for (place, stray) in [
-            (0, Stray::Explained),
-            (0, Stray::TooMany(late)),
-            (1, Stray::BeyondLimit(late)),
-            (1, Stray::Explained),
-            (9, Stray::Explained),
+            (0, StrayFrame::Explained),
+            (0, StrayFrame::TooMany(late)),
+            (1, StrayFrame::BeyondLimit(late)),
+            (1, StrayFrame::Explained),
+            (9, StrayFrame::Explained),
         ] {
             watch.stray(place, stray);
         }

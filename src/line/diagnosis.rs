@@ -1,15 +1,15 @@
 //! What is probably wrong with a line, from the pattern of data received since its port was opened.
 
 use super::fault::Fault;
-use super::station::Stray;
+use super::station::StrayFrame;
 use crate::domain::ids::Station;
 use crate::domain::link::Framing;
-use crate::domain::suspicion::Suspicion;
+use crate::domain::suspicion::LineSuspicion;
 use crate::domain::traffic::{HeardFrame, TrafficKind};
 
 /// Number of signs of one kind before they are believed: one alone may be chance.
 pub const SIGNS: u32 = 3;
-/// Exchanges without a single byte before [`Suspicion::NothingHeard`] is raised.
+/// Exchanges without a single byte before [`LineSuspicion::NothingHeard`] is raised.
 pub const SILENCES: u32 = 4;
 /// Exchanges after which the counts of signs restart: what is seen once in months is no pattern.
 pub const WINDOW: u32 = 500;
@@ -31,7 +31,7 @@ struct StationHistory {
 
 /// The evidence of one line.
 #[derive(Debug)]
-pub struct Diagnosis {
+pub struct LineDiagnosis {
     /// The line has a speed and a parity; Modbus TCP has neither.
     has_characters: bool,
     stations: Vec<StationHistory>,
@@ -49,10 +49,10 @@ pub struct Diagnosis {
     loose_bytes: usize,
     /// The station addressed last.
     asked: usize,
-    found: Option<Suspicion>,
+    found: Option<LineSuspicion>,
 }
 
-impl Diagnosis {
+impl LineDiagnosis {
     /// A line with these stations from which nothing has been received.
     pub fn new(framing: Framing, stations: impl Iterator<Item = Station>) -> Self {
         Self::of(framing.has_characters(), stations)
@@ -114,15 +114,15 @@ impl Diagnosis {
     }
 
     /// A frame of the station at `place` arrived that answers no open request.
-    pub fn stray(&mut self, place: usize, stray: Stray) {
+    pub fn stray(&mut self, place: usize, stray: StrayFrame) {
         let Some(seen) = self.stations.get_mut(place) else {
             return;
         };
         seen.was_heard = true;
         match stray {
-            Stray::Explained | Stray::WrongForm(_) => {}
-            Stray::BeyondLimit(_) => seen.beyond_limit += 1,
-            Stray::TooMany(_) => seen.second_replies += 1,
+            StrayFrame::Explained | StrayFrame::WrongForm(_) => {}
+            StrayFrame::BeyondLimit(_) => seen.beyond_limit += 1,
+            StrayFrame::TooMany(_) => seen.second_replies += 1,
         }
     }
 
@@ -164,7 +164,7 @@ impl Diagnosis {
     }
 
     /// The current suspicion.
-    pub fn suspicion(&mut self) -> Option<Suspicion> {
+    pub fn suspicion(&mut self) -> Option<LineSuspicion> {
         let pattern = self.pattern();
         if let Some(pattern) = pattern
             && !self.found.is_some_and(|found| is_same(found, pattern))
@@ -172,16 +172,18 @@ impl Diagnosis {
             self.found = Some(pattern);
         }
         let is_settled = match self.found {
-            Some(Suspicion::OneSilent(station) | Suspicion::OneUnitSilent(station)) => self
+            Some(LineSuspicion::OneSilent(station) | LineSuspicion::OneUnitSilent(station)) => self
                 .stations
                 .iter()
                 .any(|it| it.station == station && it.was_heard),
-            Some(Suspicion::NothingHeard | Suspicion::ServerSilent) => self.was_anything_heard,
+            Some(LineSuspicion::NothingHeard | LineSuspicion::ServerSilent) => {
+                self.was_anything_heard
+            }
             Some(
-                Suspicion::DuplicateStation(_)
-                | Suspicion::LateBeyondLimit(_)
-                | Suspicion::OtherMaster
-                | Suspicion::WrongReplies { .. },
+                LineSuspicion::DuplicateStation(_)
+                | LineSuspicion::LateBeyondLimit(_)
+                | LineSuspicion::OtherMaster
+                | LineSuspicion::WrongReplies { .. },
             ) => false,
             _ => self.was_frame_heard,
         };
@@ -195,27 +197,27 @@ impl Diagnosis {
         self.found
     }
 
-    fn pattern(&self) -> Option<Suspicion> {
+    fn pattern(&self) -> Option<LineSuspicion> {
         // The replies to another master's requests look like second replies.
         if self.other_requests >= SIGNS {
-            return Some(Suspicion::OtherMaster);
+            return Some(LineSuspicion::OtherMaster);
         }
         if let Some(twice) = self
             .stations
             .iter()
             .find(|seen| seen.second_replies >= SIGNS)
         {
-            return Some(Suspicion::DuplicateStation(twice.station));
+            return Some(LineSuspicion::DuplicateStation(twice.station));
         }
         if let Some(late) = self.stations.iter().find(|seen| seen.beyond_limit > 0) {
-            return Some(Suspicion::LateBeyondLimit(late.station));
+            return Some(LineSuspicion::LateBeyondLimit(late.station));
         }
         let wrong = self.stations.iter().find_map(|seen| {
             if seen.wrong_replies < SIGNS {
                 return None;
             }
             let (request, reply) = seen.wrong?;
-            Some(Suspicion::WrongReplies {
+            Some(LineSuspicion::WrongReplies {
                 station: seen.station,
                 request,
                 reply,
@@ -226,9 +228,9 @@ impl Diagnosis {
         }
         if !self.was_anything_heard {
             let silence = if self.has_characters {
-                Suspicion::NothingHeard
+                LineSuspicion::NothingHeard
             } else {
-                Suspicion::ServerSilent
+                LineSuspicion::ServerSilent
             };
             return (self.silences >= SILENCES).then_some(silence);
         }
@@ -239,9 +241,9 @@ impl Diagnosis {
         let others_answer =
             |silent: &&StationHistory| !silent.was_heard && silent.silences >= SILENCES;
         let one_silent = if self.has_characters {
-            Suspicion::OneSilent
+            LineSuspicion::OneSilent
         } else {
-            Suspicion::OneUnitSilent
+            LineSuspicion::OneUnitSilent
         };
         self.stations
             .iter()
@@ -249,15 +251,15 @@ impl Diagnosis {
             .map(|silent| one_silent(silent.station))
     }
 
-    fn of_loose_bytes(&self) -> Suspicion {
+    fn of_loose_bytes(&self) -> LineSuspicion {
         if !self.has_characters {
-            Suspicion::NotModbusTcp
+            LineSuspicion::NotModbusTcp
         } else if self.right_length >= self.too_few.max(self.too_many) {
-            Suspicion::AlwaysDamaged
+            LineSuspicion::AlwaysDamaged
         } else if self.too_few > self.too_many {
-            Suspicion::DrivesAreFaster
+            LineSuspicion::DrivesAreFaster
         } else {
-            Suspicion::DrivesAreSlower
+            LineSuspicion::DrivesAreSlower
         }
     }
 
@@ -276,11 +278,11 @@ impl Diagnosis {
 }
 
 /// Whether both suspect the same of the same station, whatever frames show it.
-fn is_same(one: Suspicion, other: Suspicion) -> bool {
+fn is_same(one: LineSuspicion, other: LineSuspicion) -> bool {
     match (one, other) {
         (
-            Suspicion::WrongReplies { station: one, .. },
-            Suspicion::WrongReplies { station: other, .. },
+            LineSuspicion::WrongReplies { station: one, .. },
+            LineSuspicion::WrongReplies { station: other, .. },
         ) => one == other,
         _ => one == other,
     }
@@ -293,10 +295,10 @@ mod tests {
 
     /// One exchange with the first station: what is received and how it ends, with 7 bytes expected.
     fn exchange(
-        diagnosis: &mut Diagnosis,
+        diagnosis: &mut LineDiagnosis,
         heard: &[(TrafficKind, &[u8])],
         fault: Option<Fault>,
-    ) -> Option<Suspicion> {
+    ) -> Option<LineSuspicion> {
         diagnosis.sent(0);
         heard
             .iter()
@@ -305,8 +307,8 @@ mod tests {
         diagnosis.suspicion()
     }
 
-    fn line() -> Diagnosis {
-        Diagnosis::new(Framing::Rtu, [Station(1), Station(2)].into_iter())
+    fn line() -> LineDiagnosis {
+        LineDiagnosis::new(Framing::Rtu, [Station(1), Station(2)].into_iter())
     }
 
     #[test]
@@ -315,26 +317,26 @@ mod tests {
         let noise = [0xFE; 20];
         let reply = [1; 7];
         for (heard, fault, expected) in [
-            (&[][..], Some(Fault::Silent), Suspicion::NothingHeard),
+            (&[][..], Some(Fault::Silent), LineSuspicion::NothingHeard),
             (
                 &[(Noise, &noise[..7])],
                 Some(Fault::Garbled),
-                Suspicion::AlwaysDamaged,
+                LineSuspicion::AlwaysDamaged,
             ),
             (
                 &[(Noise, &noise[..3])],
                 Some(Fault::Silent),
-                Suspicion::DrivesAreFaster,
+                LineSuspicion::DrivesAreFaster,
             ),
             (
                 &[(Noise, &noise[..15])],
                 Some(Fault::Silent),
-                Suspicion::DrivesAreSlower,
+                LineSuspicion::DrivesAreSlower,
             ),
             (
                 &[(OtherMaster(Station(9)), &noise), (Reply, &reply)],
                 None,
-                Suspicion::OtherMaster,
+                LineSuspicion::OtherMaster,
             ),
         ] {
             let mut diagnosis = line();
@@ -352,14 +354,14 @@ mod tests {
 
     #[test]
     fn speed_and_parity_are_not_suspected_of_a_connection() {
-        let line = || Diagnosis::new(Framing::Mbap, [Station(1), Station(2)].into_iter());
+        let line = || LineDiagnosis::new(Framing::Mbap, [Station(1), Station(2)].into_iter());
         for (heard, fault) in [(7, Fault::Garbled), (3, Fault::Silent), (15, Fault::Silent)] {
             let mut diagnosis = line();
             let noise = [(TrafficKind::Noise, &[0xFE; 20][..heard])];
             let found = (0..5)
                 .filter_map(|_| exchange(&mut diagnosis, &noise, Some(fault)))
                 .last();
-            assert_eq!(found, Some(Suspicion::NotModbusTcp), "{heard}");
+            assert_eq!(found, Some(LineSuspicion::NotModbusTcp), "{heard}");
         }
         let mut diagnosis = line();
         exchange(&mut diagnosis, &[(TrafficKind::Reply, &[1; 7])], None);
@@ -369,12 +371,12 @@ mod tests {
         }
         assert_eq!(
             diagnosis.suspicion(),
-            Some(Suspicion::OneUnitSilent(Station(2)))
+            Some(LineSuspicion::OneUnitSilent(Station(2)))
         );
         for suspicion in [
-            Suspicion::NotModbusTcp,
-            Suspicion::ServerSilent,
-            Suspicion::OneUnitSilent(Station(2)),
+            LineSuspicion::NotModbusTcp,
+            LineSuspicion::ServerSilent,
+            LineSuspicion::OneUnitSilent(Station(2)),
         ] {
             let text = suspicion.to_string();
             assert!(
@@ -396,7 +398,7 @@ mod tests {
         }
         assert_eq!(
             diagnosis.suspicion(),
-            Some(Suspicion::OneSilent(Station(2)))
+            Some(LineSuspicion::OneSilent(Station(2)))
         );
         diagnosis.ended(None, 7);
         assert_eq!(diagnosis.suspicion(), None);
@@ -408,7 +410,7 @@ mod tests {
         for _ in 0..SILENCES {
             exchange(&mut diagnosis, &[], Some(Fault::Silent));
         }
-        assert_eq!(diagnosis.suspicion(), Some(Suspicion::NothingHeard));
+        assert_eq!(diagnosis.suspicion(), Some(LineSuspicion::NothingHeard));
         assert_eq!(
             exchange(&mut diagnosis, &[(TrafficKind::Reply, &[1; 7])], None),
             None
@@ -420,17 +422,17 @@ mod tests {
         let reply = [(TrafficKind::Reply, &[1; 7][..])];
         for (stray, signs, expected) in [
             (
-                Stray::TooMany(Duration::ZERO),
+                StrayFrame::TooMany(Duration::ZERO),
                 SIGNS,
-                Some(Suspicion::DuplicateStation(Station(2))),
+                Some(LineSuspicion::DuplicateStation(Station(2))),
             ),
-            (Stray::TooMany(Duration::ZERO), SIGNS - 1, None),
+            (StrayFrame::TooMany(Duration::ZERO), SIGNS - 1, None),
             (
-                Stray::BeyondLimit(Duration::ZERO),
+                StrayFrame::BeyondLimit(Duration::ZERO),
                 1,
-                Some(Suspicion::LateBeyondLimit(Station(2))),
+                Some(LineSuspicion::LateBeyondLimit(Station(2))),
             ),
-            (Stray::Explained, 100, None),
+            (StrayFrame::Explained, 100, None),
         ] {
             let mut diagnosis = line();
             (0..signs).for_each(|_| diagnosis.stray(1, stray));
@@ -455,7 +457,7 @@ mod tests {
         let [request, reply] = frames;
         assert_eq!(
             found,
-            Some(Suspicion::WrongReplies {
+            Some(LineSuspicion::WrongReplies {
                 station: Station(1),
                 request,
                 reply
@@ -487,7 +489,7 @@ mod tests {
                 told.as_slice(),
                 [
                     None,
-                    Some(Suspicion::WrongReplies {
+                    Some(LineSuspicion::WrongReplies {
                         station: Station(1),
                         ..
                     })
@@ -502,12 +504,12 @@ mod tests {
         let mut diagnosis = line();
         let reply = [(TrafficKind::Reply, &[1; 7][..])];
         for _ in 0..SIGNS {
-            diagnosis.stray(0, Stray::TooMany(Duration::ZERO));
+            diagnosis.stray(0, StrayFrame::TooMany(Duration::ZERO));
             exchange(&mut diagnosis, &reply, None);
         }
         assert_eq!(
             diagnosis.suspicion(),
-            Some(Suspicion::DuplicateStation(Station(1)))
+            Some(LineSuspicion::DuplicateStation(Station(1)))
         );
         let left = (0..3 * WINDOW).position(|_| exchange(&mut diagnosis, &reply, None).is_none());
         assert!(

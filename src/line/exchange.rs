@@ -22,7 +22,7 @@ pub struct Exchange {
 
 /// How an exchange ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Ending {
+pub enum ExchangeEnding {
     /// With the valid reply.
     Reply(Reply),
     /// With an exception of the drive's own.
@@ -36,7 +36,7 @@ pub enum Ending {
 
 /// Data received on the wire. The bytes are for observers of the traffic.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Heard {
+pub struct HeardData {
     /// What it was.
     pub kind: TrafficKind,
     /// The bytes.
@@ -48,12 +48,12 @@ pub struct Heard {
 }
 
 /// How `pdu`, sent by the addressed station, ends the exchange; `None` if it does not answer it.
-pub(super) fn answer_in(exchange: &Exchange, pdu: &[u8]) -> Option<Ending> {
+pub(super) fn answer_in(exchange: &Exchange, pdu: &[u8]) -> Option<ExchangeEnding> {
     if let [code, exception] = pdu
         && *code == exchange.request.function() | function::EXCEPTION_BIT
     {
         let answers = !exchange.in_doubt && exchange.request.is_answered_by(*exception);
-        return answers.then_some(Ending::Exception(*exception));
+        return answers.then_some(ExchangeEnding::Exception(*exception));
     }
     let reply = exchange.request.reply_in(pdu)?;
     match (&exchange.request, &reply) {
@@ -62,7 +62,7 @@ pub(super) fn answer_in(exchange: &Exchange, pdu: &[u8]) -> Option<Ending> {
         {
             None
         }
-        _ => Some(Ending::Reply(reply)),
+        _ => Some(ExchangeEnding::Reply(reply)),
     }
 }
 

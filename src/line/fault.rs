@@ -40,7 +40,7 @@ pub enum Fault {
 
 /// What follows from a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Consequence {
+pub struct FaultConsequence {
     /// The exchange is over; otherwise its reply is still awaited.
     pub ends_exchange: bool,
     /// A read is sent once more, as soon as no late reply can be mistaken for its own. A write never is.
@@ -57,8 +57,8 @@ pub struct Consequence {
 
 /// The table.
 #[must_use]
-pub const fn consequence(fault: Fault) -> Consequence {
-    let none = Consequence {
+pub const fn consequence(fault: Fault) -> FaultConsequence {
+    let none = FaultConsequence {
         ends_exchange: false,
         repeats_read: false,
         reply_may_come_late: false,
@@ -67,61 +67,61 @@ pub const fn consequence(fault: Fault) -> Consequence {
         reopens_port: false,
     };
     match fault {
-        Fault::Garbled => Consequence {
+        Fault::Garbled => FaultConsequence {
             ends_exchange: true,
             repeats_read: true,
             reply_may_come_late: true,
             ..none
         },
-        Fault::Silent => Consequence {
+        Fault::Silent => FaultConsequence {
             ends_exchange: true,
             reply_may_come_late: true,
             backs_off: true,
             ..none
         },
-        Fault::Ignored => Consequence {
+        Fault::Ignored => FaultConsequence {
             ends_exchange: true,
             reply_may_come_late: true,
             ..none
         },
-        Fault::Deaf => Consequence {
+        Fault::Deaf => FaultConsequence {
             ends_exchange: true,
             ..none
         },
         // The drive is as silent as before; whether it obeyed is not known.
-        Fault::Unreachable => Consequence {
+        Fault::Unreachable => FaultConsequence {
             ends_exchange: true,
             backs_off: true,
             ..none
         },
-        Fault::Stray => Consequence {
+        Fault::Stray => FaultConsequence {
             drive_is_there: true,
             ..none
         },
         // Another master's requests say nothing about the drives that they address.
         Fault::Foreign | Fault::Echoed | Fault::OtherMaster | Fault::Jammed => none,
-        Fault::Mute => Consequence {
+        Fault::Mute => FaultConsequence {
             reopens_port: true,
             ..none
         },
-        Fault::Refused | Fault::KeptOldValue => Consequence {
+        Fault::Refused | Fault::KeptOldValue => FaultConsequence {
             ends_exchange: true,
             drive_is_there: true,
             ..none
         },
-        Fault::DamagedRequest => Consequence {
+        Fault::DamagedRequest => FaultConsequence {
             ends_exchange: true,
             repeats_read: true,
             drive_is_there: true,
             ..none
         },
         // No reply follows on a connection that is given up.
-        Fault::OutOfStep => Consequence {
+        Fault::OutOfStep => FaultConsequence {
             ends_exchange: true,
             reopens_port: true,
             ..none
         },
-        Fault::PortGone => Consequence {
+        Fault::PortGone => FaultConsequence {
             ends_exchange: true,
             reply_may_come_late: true,
             reopens_port: true,

@@ -25,7 +25,7 @@ const BURST: Duration = Duration::from_secs(1);
 
 /// The gaps between the frames of another master.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Gap {
+pub struct MasterGaps {
     /// When the last exchange of the other master ended, if nothing was received since.
     ended_at: Option<MonoTime>,
     /// When a stop was last sent, and when a read was.
@@ -48,7 +48,7 @@ pub struct Gap {
     burst_from: Option<MonoTime>,
 }
 
-impl Gap {
+impl MasterGaps {
     /// Nothing was heard. `slot` differs between the ranks, and `seed` between all gateways.
     #[must_use]
     pub fn new(slot: Duration, seed: u64) -> Self {
@@ -179,13 +179,13 @@ mod tests {
 
     #[test]
     fn a_stop_goes_behind_an_exchange_or_into_a_long_silence_or_after_a_second() {
-        let mut gap = Gap::default();
+        let mut gap = MasterGaps::default();
         assert_eq!(
             gap.stop_at(MS(1000), MS(990), MS(1000)),
             MS(1740),
             "nothing is heard any more"
         );
-        let second = Gap::new(Duration::from_millis(30), 0);
+        let second = MasterGaps::new(Duration::from_millis(30), 0);
         assert_eq!(
             second.stop_at(MS(1000), MS(990), MS(1000)),
             MS(1770),
@@ -223,7 +223,7 @@ mod tests {
     #[test]
     fn two_that_were_not_answered_wait_for_different_times_until_they_are() {
         let at = |seed| {
-            let mut gap = Gap::new(Duration::ZERO, seed);
+            let mut gap = MasterGaps::new(Duration::ZERO, seed);
             gap.decided(MS(1000), true);
             gap.unanswered();
             assert!(gap.may_repeat(MS(1100)));
@@ -245,7 +245,7 @@ mod tests {
     #[test]
     fn stops_that_leave_room_come_in_bursts() {
         let room = Duration::from_secs(4);
-        let mut gap = Gap::default();
+        let mut gap = MasterGaps::default();
         assert_eq!(gap.in_burst(MS(1000), room), MS(1000));
         gap.decided(MS(1000), true);
         assert_eq!(gap.in_burst(MS(1999), room), MS(1999));
@@ -259,7 +259,7 @@ mod tests {
 
     #[test]
     fn a_frame_that_may_have_met_another_one_is_repeated_once() {
-        let mut gap = Gap::default();
+        let mut gap = MasterGaps::default();
         gap.decided(MS(1000), true);
         assert!(gap.take_frame(MS(1099)) && !gap.take_frame(MS(1099)));
         assert!(gap.may_repeat(MS(1100)));

@@ -1,11 +1,11 @@
 //! A histogram of times in logarithmic buckets: bounded, without allocation, and old times fade.
 
-use crate::domain::buckets::Buckets;
+use crate::domain::buckets::BucketDivision;
 use std::time::Duration;
 
 /// Buckets of microseconds, at most a sixteenth as wide as their times, up to two minutes: more than any late reply
 /// takes.
-const BUCKETS: Buckets = Buckets::new(4, 27);
+const BUCKETS: BucketDivision = BucketDivision::new(4, 27);
 /// At this total all counts are halved, so that what a station did long ago fades.
 pub const FADES_AT: u16 = 8192;
 

@@ -4,14 +4,14 @@ use crate::domain::time::MonoTime;
 
 /// Since when others have been sending.
 #[derive(Clone, Copy, Debug)]
-pub struct Occupancy {
+pub struct LineOccupancy {
     since: MonoTime,
     /// One of our frames was sent while they were sending, and no other may be sent until then: a silence before that is not
     /// one in which we could have sent.
     holds_until: MonoTime,
 }
 
-impl Occupancy {
+impl LineOccupancy {
     /// The state when the port is opened at `now`.
     pub const fn new(now: MonoTime) -> Self {
         Self {
@@ -52,7 +52,7 @@ mod tests {
 
     #[test]
     fn a_silence_ends_a_talk_unless_a_frame_of_ours_took_it_up() {
-        let mut occupancy = Occupancy::new(at(0));
+        let mut occupancy = LineOccupancy::new(at(0));
         occupancy.heard(at(10), at(9));
         assert_eq!(occupancy.since(), at(10));
         occupancy.heard(at(14), at(15));
@@ -66,7 +66,7 @@ mod tests {
 
     #[test]
     fn a_frame_that_was_sent_in_silence_holds_nothing() {
-        let mut occupancy = Occupancy::new(at(0));
+        let mut occupancy = LineOccupancy::new(at(0));
         occupancy.sent(at(20), at(19), at(100));
         occupancy.heard(at(40), at(19));
         assert_eq!(occupancy.since(), at(40));

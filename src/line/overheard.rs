@@ -1,13 +1,13 @@
 //! What a listener understands of the traffic between another master and the drives: requests and replies, paired.
 
-use super::exchange::{Ending, Exchange, answer_in};
+use super::exchange::{Exchange, ExchangeEnding, answer_in};
 use crate::domain::ids::Station;
 use crate::wire::pdu::Request;
 use std::time::Duration;
 
 /// What one more frame of the line means.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Overheard {
+pub enum OverheardFrame {
     /// Another master asks or orders; the answer is awaited. `unanswered`: the station that did not answer the request
     /// before.
     Request {
@@ -25,7 +25,7 @@ pub enum Overheard {
         /// What was asked.
         request: Request,
         /// The reply or exception.
-        ending: Ending,
+        ending: ExchangeEnding,
     },
     /// A frame that fits nothing: its request was not heard.
     Alone,
@@ -33,11 +33,11 @@ pub enum Overheard {
 
 /// The request that was heard last, while its answer may follow.
 #[derive(Debug, Default)]
-pub struct Listener {
+pub struct RequestListener {
     open: Option<(Station, Request)>,
 }
 
-impl Listener {
+impl RequestListener {
     /// Forgets the request that waits for its answer.
     pub fn clear(&mut self) {
         self.open = None;
@@ -49,13 +49,13 @@ impl Listener {
     }
 
     /// Takes the next sound frame of the line, from or for `station`.
-    pub fn take(&mut self, station: Station, pdu: &[u8]) -> Overheard {
+    pub fn take(&mut self, station: Station, pdu: &[u8]) -> OverheardFrame {
         if let Some((asked, request)) = self.open.take() {
             if let Some(ending) = (asked == station)
                 .then(|| answer(station, &request, pdu))
                 .flatten()
             {
-                return Overheard::Answer {
+                return OverheardFrame::Answer {
                     station,
                     request,
                     ending,
@@ -63,12 +63,12 @@ impl Listener {
             }
             return match Request::decode(pdu) {
                 Some(next) => self.open_with(station, next, Some(asked)),
-                None => Overheard::Alone,
+                None => OverheardFrame::Alone,
             };
         }
         match Request::decode(pdu) {
             Some(request) => self.open_with(station, request, None),
-            None => Overheard::Alone,
+            None => OverheardFrame::Alone,
         }
     }
 
@@ -77,11 +77,11 @@ impl Listener {
         station: Station,
         request: Request,
         unanswered: Option<Station>,
-    ) -> Overheard {
+    ) -> OverheardFrame {
         // A broadcast is not answered.
         let is_broadcast = station == Station(0);
         self.open = (!is_broadcast).then(|| (station, request.clone()));
-        Overheard::Request {
+        OverheardFrame::Request {
             station,
             request,
             unanswered,
@@ -89,7 +89,7 @@ impl Listener {
     }
 }
 
-fn answer(station: Station, request: &Request, pdu: &[u8]) -> Option<Ending> {
+fn answer(station: Station, request: &Request, pdu: &[u8]) -> Option<ExchangeEnding> {
     let exchange = Exchange {
         station,
         request: request.clone(),
@@ -116,43 +116,47 @@ mod tests {
 
     #[test]
     fn each_answer_belongs_to_the_request_before_it() {
-        let mut listener = Listener::default();
+        let mut listener = RequestListener::default();
         let read = Request::read(Address::holding(2), 2);
         let write = Request::write(Address::holding(1), 3);
-        let asked = |station, request: &Request, unanswered| Overheard::Request {
+        let asked = |station, request: &Request, unanswered| OverheardFrame::Request {
             station,
             request: request.clone(),
             unanswered,
         };
-        let answered = |station, request: &Request, ending| Overheard::Answer {
+        let answered = |station, request: &Request, ending| OverheardFrame::Answer {
             station,
             request: request.clone(),
             ending,
         };
         let words = [3, 4, 0, 5, 0, 6];
-        let steps: Vec<(Station, Vec<u8>, Overheard)> = vec![
-            (ONE, words.to_vec(), Overheard::Alone),
+        let steps: Vec<(Station, Vec<u8>, OverheardFrame)> = vec![
+            (ONE, words.to_vec(), OverheardFrame::Alone),
             (ONE, pdu(&read), asked(ONE, &read, None)),
             (
                 ONE,
                 words.to_vec(),
-                answered(ONE, &read, Ending::Reply(Reply::Words(vec![5, 6]))),
+                answered(ONE, &read, ExchangeEnding::Reply(Reply::Words(vec![5, 6]))),
             ),
-            (ONE, words.to_vec(), Overheard::Alone),
+            (ONE, words.to_vec(), OverheardFrame::Alone),
             (TWO, pdu(&write), asked(TWO, &write, None)),
             (
                 TWO,
                 pdu(&write),
-                answered(TWO, &write, Ending::Reply(Reply::Holds { value: 3 })),
+                answered(
+                    TWO,
+                    &write,
+                    ExchangeEnding::Reply(Reply::Holds { value: 3 }),
+                ),
             ),
             (TWO, pdu(&write), asked(TWO, &write, None)),
             (ONE, pdu(&read), asked(ONE, &read, Some(TWO))),
-            (TWO, words.to_vec(), Overheard::Alone),
+            (TWO, words.to_vec(), OverheardFrame::Alone),
             (ONE, pdu(&read), asked(ONE, &read, None)),
             (
                 ONE,
                 vec![0x83, 2],
-                answered(ONE, &read, Ending::Exception(2)),
+                answered(ONE, &read, ExchangeEnding::Exception(2)),
             ),
             (Station(0), pdu(&write), asked(Station(0), &write, None)),
             (ONE, pdu(&write), asked(ONE, &write, None)),
@@ -161,6 +165,6 @@ mod tests {
             assert_eq!(listener.take(station, &pdu), expected, "step {at}");
         }
         listener.clear();
-        assert_eq!(listener.take(ONE, &words), Overheard::Alone);
+        assert_eq!(listener.take(ONE, &words), OverheardFrame::Alone);
     }
 }

@@ -1,7 +1,7 @@
 //! The echo of our last frame, distinguished from a reply that looks the same.
 
 use crate::domain::time::MonoTime;
-use crate::wire::framing::Assembler;
+use crate::wire::framing::FrameAssembler;
 
 /// The echo of our last frame, as long as it may arrive.
 #[derive(Debug, Default)]
@@ -37,7 +37,7 @@ impl OwnEcho {
     /// Removes the echo from the data received until `now`; returns what preceded it and the echo.
     pub fn take_from(
         &mut self,
-        assembler: &mut Assembler,
+        assembler: &mut FrameAssembler,
         now: MonoTime,
     ) -> Option<(Vec<u8>, Vec<u8>)> {
         if !self.is_awaited || !(self.is_sure || now < self.earliest_reply) {

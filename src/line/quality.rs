@@ -47,12 +47,12 @@ impl ExchangeQuality {
 
 /// A line with its stations.
 #[derive(Debug)]
-pub struct LineQuality {
+pub struct QualityWatch {
     line: ExchangeQuality,
     stations: Vec<ExchangeQuality>,
 }
 
-impl LineQuality {
+impl QualityWatch {
     /// A line with `stations` stations and no exchanges yet.
     #[must_use]
     pub fn new(stations: usize) -> Self {
@@ -142,7 +142,7 @@ mod tests {
 
     #[test]
     fn one_bad_station_suspends_only_itself() {
-        let mut line = LineQuality::new(3);
+        let mut line = QualityWatch::new(3);
         for n in 0..120 {
             line.take(n % 3, n % 3 == 1 && n % 2 == 0);
         }
@@ -159,7 +159,7 @@ mod tests {
             [true; 3],
             "two are bad: it is the line"
         );
-        let mut alone = LineQuality::new(1);
+        let mut alone = QualityWatch::new(1);
         (0..100).for_each(|n| alone.take(0, n % 2 == 0));
         assert!(alone.is_line_suspended() && alone.is_suspended(0));
     }

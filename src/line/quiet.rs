@@ -12,7 +12,7 @@ pub const QUIET_EXCHANGES: u8 = 8;
 
 /// The silence that is required of one station.
 #[derive(Debug)]
-pub struct Quiet {
+pub struct StationSilence {
     /// The greatest lateness of a reply beyond the declared one, since its request.
     latest: Duration,
     /// The silence currently required after each frame of the station.
@@ -22,7 +22,7 @@ pub struct Quiet {
     exchanges: u8,
 }
 
-impl Quiet {
+impl StationSilence {
     /// No silence is required.
     pub const NONE: Self = Self {
         latest: Duration::ZERO,

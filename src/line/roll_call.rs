@@ -104,12 +104,12 @@ impl RollCall {
 
 /// What a listener owes: the answer to a question that was heard.
 #[derive(Clone, Copy, Debug)]
-pub struct Answer {
+pub struct OwedAnswer {
     at: MonoTime,
     until: MonoTime,
 }
 
-impl Answer {
+impl OwedAnswer {
     /// The answer to a question that was heard at `now` and ended at `end`, by a gateway that waits for `slot`, so that
     /// several listeners do not answer at once.
     #[must_use]
@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn an_answer_that_is_late_is_not_sent() {
-        let answer = Answer::to_question(MS(120), MS(100), Duration::from_millis(40));
+        let answer = OwedAnswer::to_question(MS(120), MS(100), Duration::from_millis(40));
         assert_eq!(answer.at(), MS(160));
         assert!(
             !answer.may_be_sent(MS(159))

@@ -80,11 +80,11 @@ pub struct WaiterId {
 
 /// The queue is full; the read was not accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Full;
+pub struct ScheduleFull;
 
 /// Whether a read joined another or waits on its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Queued {
+pub enum QueuedRead {
     /// It waits on its own.
     Alone,
     /// It shares the exchange of an earlier request that is not on the wire yet.
@@ -93,7 +93,7 @@ pub enum Queued {
 
 /// The queued native reads of one line.
 #[derive(Debug, Default)]
-pub struct Schedule {
+pub struct ReadSchedule {
     reads: BTreeMap<ReadKey, ReadJob>,
     /// The turn that is being served.
     turn: u64,
@@ -102,26 +102,26 @@ pub struct Schedule {
     last_served: Option<ReadKey>,
 }
 
-impl Schedule {
+impl ReadSchedule {
     /// Queues a native read for `waiter` of `asker`, or joins it to a queued one.
     ///
     /// # Errors
-    /// [`Full`] if too many different reads are queued.
+    /// [`ScheduleFull`] if too many different reads are queued.
     pub fn push_read(
         &mut self,
         key: ReadKey,
         asker: AskerId,
         waiter: WaiterId,
-    ) -> Result<Queued, Full> {
+    ) -> Result<QueuedRead, ScheduleFull> {
         if self.reads.len() >= READS_MAX && !self.reads.contains_key(&key) {
-            return Err(Full);
+            return Err(ScheduleFull);
         }
         let tag = self.take_turn(asker);
         match self.reads.get_mut(&key) {
             Some(job) => {
                 job.waiters.push(waiter);
                 job.tag = job.tag.min(tag);
-                Ok(Queued::Joined)
+                Ok(QueuedRead::Joined)
             }
             None => {
                 let job = ReadJob {
@@ -132,7 +132,7 @@ impl Schedule {
                     overtaken: 0,
                 };
                 self.reads.insert(key, job);
-                Ok(Queued::Alone)
+                Ok(QueuedRead::Alone)
             }
         }
     }
@@ -246,7 +246,7 @@ mod tests {
         WaiterId { request, part: 0 }
     }
 
-    fn served(schedule: &mut Schedule) -> Vec<u16> {
+    fn served(schedule: &mut ReadSchedule) -> Vec<u16> {
         std::iter::from_fn(|| schedule.take_read(|_| true))
             .map(|job| match job.key.what {
                 NativeQuery::Words { address, .. } => address.number(),
@@ -257,27 +257,27 @@ mod tests {
 
     #[test]
     fn equal_reads_share_one_exchange() {
-        let mut schedule = Schedule::default();
+        let mut schedule = ReadSchedule::default();
         assert_eq!(
             schedule.push_read(key(1_u16.into()), AskerId(1), waiter(1)),
-            Ok(Queued::Alone)
+            Ok(QueuedRead::Alone)
         );
         assert_eq!(
             schedule.push_read(key(1_u16.into()), AskerId(2), waiter(2)),
-            Ok(Queued::Joined)
+            Ok(QueuedRead::Joined)
         );
         let job = schedule.take_read(|_| true).unwrap();
         assert_eq!(job.waiters, [waiter(1), waiter(2)]);
         // What is on the wire is joined no more.
         assert_eq!(
             schedule.push_read(key(1_u16.into()), AskerId(3), waiter(3)),
-            Ok(Queued::Alone)
+            Ok(QueuedRead::Alone)
         );
     }
 
     #[test]
     fn two_walks_over_the_same_registers_meet() {
-        let mut schedule = Schedule::default();
+        let mut schedule = ReadSchedule::default();
         let mut at = [1_u16, 5];
         for (asker, address) in (0..).zip(at) {
             schedule
@@ -301,7 +301,7 @@ mod tests {
 
     #[test]
     fn a_busy_asker_cannot_starve_a_modest_one() {
-        let mut schedule = Schedule::default();
+        let mut schedule = ReadSchedule::default();
         for n in 0..500 {
             schedule
                 .push_read(key(n.into()), AskerId(1), waiter(n.into()))
@@ -323,7 +323,7 @@ mod tests {
 
     #[test]
     fn an_asker_of_many_reads_gets_no_more_turns_than_one_of_single_reads() {
-        let mut schedule = Schedule::default();
+        let mut schedule = ReadSchedule::default();
         for n in 0..500 {
             schedule
                 .push_read(key(n.into()), AskerId(1), waiter(1))
@@ -359,7 +359,7 @@ mod tests {
 
     #[test]
     fn every_read_is_served_within_its_turn_and_what_may_overtake_it() {
-        let mut schedule = Schedule::default();
+        let mut schedule = ReadSchedule::default();
         for asker in 0..10 {
             for n in 0..20_u16 {
                 let at = n * 10 + asker as u16;
@@ -373,7 +373,7 @@ mod tests {
 
     #[test]
     fn a_full_queue_refuses_what_it_cannot_join() {
-        let mut schedule = Schedule::default();
+        let mut schedule = ReadSchedule::default();
         for n in 0..READS_MAX as u16 {
             schedule
                 .push_read(key(n.into()), AskerId(1), waiter(n.into()))
@@ -381,17 +381,17 @@ mod tests {
         }
         assert_eq!(
             schedule.push_read(key((u16::MAX).into()), AskerId(2), waiter(1)),
-            Err(Full)
+            Err(ScheduleFull)
         );
         assert_eq!(
             schedule.push_read(key(0_u16.into()), AskerId(2), waiter(2)),
-            Ok(Queued::Joined)
+            Ok(QueuedRead::Joined)
         );
     }
 
     #[test]
     fn a_repeated_read_goes_first_and_takes_newcomers_along() {
-        let mut schedule = Schedule::default();
+        let mut schedule = ReadSchedule::default();
         schedule
             .push_read(key(7_u16.into()), AskerId(1), waiter(1))
             .unwrap();
@@ -410,7 +410,7 @@ mod tests {
 
     #[test]
     fn a_read_is_taken_in_the_place_of_a_poll_of_the_same_words_only() {
-        let mut schedule = Schedule::default();
+        let mut schedule = ReadSchedule::default();
         schedule
             .push_read(key(1_u16.into()), AskerId(1), waiter(1))
             .unwrap();
@@ -432,7 +432,7 @@ mod tests {
 
     #[test]
     fn reads_without_waiters_are_dropped() {
-        let mut schedule = Schedule::default();
+        let mut schedule = ReadSchedule::default();
         schedule
             .push_read(key(1_u16.into()), AskerId(1), waiter(1))
             .unwrap();

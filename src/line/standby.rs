@@ -13,9 +13,9 @@ mod times;
 
 use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
-pub use change::Change;
-use ears::Ears;
-pub use knowledge::Knowledge;
+pub use change::StandbyChange;
+use ears::SenderEars;
+pub use knowledge::StandbyKnowledge;
 use std::time::Duration;
 pub(in crate::line) use times::random;
 use times::{CONTEND_MAX, CONTEND_WAIT, HAND_OVER_MAX, JAM_BREAK, LOOK_EVERY, LOOK_MAX, TIE_BREAK};
@@ -23,7 +23,7 @@ pub use times::{RANK_STEP, ROLE_SAID_EVERY, SIGNAL_AFTER, SIGNALS_WITHIN, Standb
 
 /// Whether this gateway may send.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum State {
+enum SendState {
     /// The port is not open: nothing can be heard. The line was last in use at `used_at`.
     Deaf { used_at: Option<MonoTime> },
     /// Nothing of another gateway was heard since `quiet_from`, up to `looked_at`; the line is taken over after the usual
@@ -41,32 +41,32 @@ enum State {
 
 /// The state of the rule on one line.
 #[derive(Clone, Debug)]
-pub struct Standby {
+pub struct StandbyRule {
     times: StandbyTimes,
-    state: State,
+    state: SendState,
     /// When a frame of another gateway or master was last heard; `None` if never since the port was opened.
     heard_at: Option<MonoTime>,
     /// When this gateway takes over a line that was handed over, unless it hears another one before.
     accept_at: Option<MonoTime>,
     /// Frames since the line was taken over that were not answered, while none was.
     contended: u8,
-    knowledge: Knowledge,
-    ears: Ears,
+    knowledge: StandbyKnowledge,
+    ears: SenderEars,
     seed: u64,
 }
 
-impl Standby {
+impl StandbyRule {
     /// The rule with `times`, on a port that is not open yet. `seed` differs between gateways and starts.
     #[must_use]
     pub const fn new(times: StandbyTimes, seed: u64) -> Self {
         Self {
             times,
-            state: State::Deaf { used_at: None },
+            state: SendState::Deaf { used_at: None },
             heard_at: None,
             accept_at: None,
             contended: 0,
-            knowledge: Knowledge::NEW,
-            ears: Ears::NEW,
+            knowledge: StandbyKnowledge::NEW,
+            ears: SenderEars::NEW,
             seed,
         }
     }
@@ -81,8 +81,8 @@ impl Standby {
     #[must_use]
     pub const fn role(&self) -> LineRole {
         match self.state {
-            State::Deaf { .. } | State::Listening { .. } => LineRole::Listening,
-            State::Claiming { .. } | State::Active { .. } => LineRole::Active,
+            SendState::Deaf { .. } | SendState::Listening { .. } => LineRole::Listening,
+            SendState::Claiming { .. } | SendState::Active { .. } => LineRole::Active,
         }
     }
 
@@ -91,9 +91,9 @@ impl Standby {
     #[must_use]
     pub fn may_send(&self, now: MonoTime) -> bool {
         match self.state {
-            State::Deaf { .. } | State::Listening { .. } => false,
-            State::Claiming { at, until } => now >= at && now < until,
-            State::Active { sent_at } => now.since(sent_at) < self.times.silent_at_most,
+            SendState::Deaf { .. } | SendState::Listening { .. } => false,
+            SendState::Claiming { at, until } => now >= at && now < until,
+            SendState::Active { sent_at } => now.since(sent_at) < self.times.silent_at_most,
         }
     }
 
@@ -101,8 +101,8 @@ impl Standby {
     #[must_use]
     pub const fn claims_at(&self) -> Option<MonoTime> {
         match self.state {
-            State::Claiming { at, .. } => Some(at),
-            State::Deaf { .. } | State::Listening { .. } | State::Active { .. } => None,
+            SendState::Claiming { at, .. } => Some(at),
+            SendState::Deaf { .. } | SendState::Listening { .. } | SendState::Active { .. } => None,
         }
     }
 
@@ -117,20 +117,20 @@ impl Standby {
     /// did not wait in the port.
     #[must_use]
     pub fn is_attentive(&self, now: MonoTime) -> bool {
-        let looked = matches!(self.state, State::Listening { looked_at, .. } if now.since(looked_at) <= LOOK_MAX);
+        let looked = matches!(self.state, SendState::Listening { looked_at, .. } if now.since(looked_at) <= LOOK_MAX);
         looked && self.knowledge.is_attentive(now)
     }
 
     /// What this gateway knows of the line while it may not send.
     #[must_use]
-    pub const fn knowledge(&self) -> &Knowledge {
+    pub const fn knowledge(&self) -> &StandbyKnowledge {
         &self.knowledge
     }
 
     /// Whether it has left the line to another gateway and waits for longer than its silence: its stops leave room for that.
     #[must_use]
     pub fn makes_room(&self) -> bool {
-        matches!(self.state, State::Listening { extra, .. } if extra > TIE_BREAK)
+        matches!(self.state, SendState::Listening { extra, .. } if extra > TIE_BREAK)
     }
 
     /// Whether it fell silent because it heard no drive, and has heard nothing since.
@@ -149,9 +149,9 @@ impl Standby {
     #[must_use]
     pub fn signal_at(&self) -> Option<MonoTime> {
         match self.state {
-            State::Claiming { at, .. } => Some(at),
-            State::Active { sent_at } => Some(sent_at + self.times.signal_after),
-            State::Deaf { .. } | State::Listening { .. } => None,
+            SendState::Claiming { at, .. } => Some(at),
+            SendState::Active { sent_at } => Some(sent_at + self.times.signal_after),
+            SendState::Deaf { .. } | SendState::Listening { .. } => None,
         }
     }
 
@@ -160,8 +160,8 @@ impl Standby {
     #[must_use]
     pub fn due_at(&self) -> Option<MonoTime> {
         match self.state {
-            State::Deaf { .. } => None,
-            State::Listening {
+            SendState::Deaf { .. } => None,
+            SendState::Listening {
                 quiet_from,
                 looked_at,
                 extra,
@@ -173,8 +173,8 @@ impl Standby {
                         .min(self.accept_at.unwrap_or(silence)),
                 )
             }
-            State::Claiming { until, .. } => Some(until.min(self.deaf_at())),
-            State::Active { sent_at } => {
+            SendState::Claiming { until, .. } => Some(until.min(self.deaf_at())),
+            SendState::Active { sent_at } => {
                 Some((sent_at + self.times.silent_at_most).min(self.deaf_at()))
             }
         }
@@ -187,7 +187,7 @@ impl Standby {
     /// When a listener looks at the line next, whatever is due; `None` while it does not listen.
     #[must_use]
     pub fn looks_at(&self) -> Option<MonoTime> {
-        let State::Listening { looked_at, .. } = self.state else {
+        let SendState::Listening { looked_at, .. } = self.state else {
             return None;
         };
         Some(looked_at + LOOK_EVERY)
@@ -197,14 +197,14 @@ impl Standby {
     pub fn port_opened(&mut self, now: MonoTime) {
         self.heard_at = None;
         self.accept_at = None;
-        let used_at = if let State::Deaf { used_at } = self.state {
+        let used_at = if let SendState::Deaf { used_at } = self.state {
             used_at
         } else {
             None
         };
         self.knowledge
             .missed(used_at, now, self.times.silent_at_most);
-        self.state = State::Listening {
+        self.state = SendState::Listening {
             quiet_from: now,
             looked_at: now,
             extra: Duration::ZERO,
@@ -217,28 +217,28 @@ impl Standby {
         self.accept_at = None;
         let was_active = self.is_active();
         let used_at = match self.state {
-            State::Deaf { used_at } => used_at,
-            State::Listening { quiet_from, .. } => Some(quiet_from),
-            State::Claiming { .. } => None,
-            State::Active { sent_at } => Some(sent_at),
+            SendState::Deaf { used_at } => used_at,
+            SendState::Listening { quiet_from, .. } => Some(quiet_from),
+            SendState::Claiming { .. } => None,
+            SendState::Active { sent_at } => Some(sent_at),
         };
-        self.state = State::Deaf { used_at };
+        self.state = SendState::Deaf { used_at };
         was_active
     }
 
     /// A frame is handed to the port after `now`.
     pub fn sent(&mut self, now: MonoTime) {
         if self.is_active() {
-            self.state = State::Active { sent_at: now };
+            self.state = SendState::Active { sent_at: now };
         }
     }
 
     /// At `now`, the last frame was handed to the port. If that took too long, the line is given up.
-    pub fn was_sent(&mut self, now: MonoTime) -> Option<Change> {
+    pub fn was_sent(&mut self, now: MonoTime) -> Option<StandbyChange> {
         match self.state {
-            State::Active { sent_at } if now.since(sent_at) > HAND_OVER_MAX => {
+            SendState::Active { sent_at } if now.since(sent_at) > HAND_OVER_MAX => {
                 self.listen(now);
-                Some(Change::Stalled)
+                Some(StandbyChange::Stalled)
             }
             _ => None,
         }
@@ -246,7 +246,7 @@ impl Standby {
 
     /// A sound frame that is not of this gateway was received at `now`, while it listens: another one sends.
     pub fn heard(&mut self, now: MonoTime) {
-        if let State::Listening {
+        if let SendState::Listening {
             quiet_from, extra, ..
         } = &mut self.state
         {
@@ -263,7 +263,7 @@ impl Standby {
     /// A sound reply was received at `now` whose request was not heard: the line is in use, perhaps by this gateway's own
     /// last request.
     pub const fn heard_alone(&mut self, now: MonoTime) {
-        if let State::Listening { quiet_from, .. } = &mut self.state {
+        if let SendState::Listening { quiet_from, .. } = &mut self.state {
             *quiet_from = now;
             self.ears.heard();
         }
@@ -283,7 +283,7 @@ impl Standby {
 
     /// The last byte, of whatever kind, was received at `at`: there was no silence before.
     pub fn received(&mut self, at: MonoTime) {
-        if let State::Listening { quiet_from, .. } = &mut self.state {
+        if let SendState::Listening { quiet_from, .. } = &mut self.state {
             *quiet_from = (*quiet_from).max(at);
         }
     }
@@ -291,7 +291,7 @@ impl Standby {
     /// A jam is over at `now`: the silence begins for all gateways at once, and a random part separates those of one rank.
     pub fn jam_ended(&mut self, now: MonoTime) {
         let random = self.random(JAM_BREAK);
-        if let State::Listening {
+        if let SendState::Listening {
             quiet_from, extra, ..
         } = &mut self.state
         {
@@ -301,7 +301,7 @@ impl Standby {
     }
 
     /// A request of another master was received at `now`. Returns whether this gateway was active: it gives the line up.
-    pub fn heard_request(&mut self, now: MonoTime) -> Option<Change> {
+    pub fn heard_request(&mut self, now: MonoTime) -> Option<StandbyChange> {
         let gives_up = self.is_active();
         if gives_up {
             let used_at = self.may_send(now).then_some(now);
@@ -314,47 +314,47 @@ impl Standby {
         } else {
             self.heard(now);
         }
-        gives_up.then_some(Change::Rival)
+        gives_up.then_some(StandbyChange::Rival)
     }
 
     /// No drive has answered since the line was taken over, and at `now` another request was not, or what came `is_damaged`:
     /// another one may have taken the line over at the same moment, and send in step with this one. So the next frame waits
     /// for a random time: who waits longer hears the other one. If that does not help, the line is given up.
-    pub fn unanswered(&mut self, now: MonoTime, is_damaged: bool) -> Option<Change> {
-        let State::Active { sent_at } = self.state else {
+    pub fn unanswered(&mut self, now: MonoTime, is_damaged: bool) -> Option<StandbyChange> {
+        let SendState::Active { sent_at } = self.state else {
             return None;
         };
         if self.contended < if is_damaged { CONTEND_MAX } else { 1 } {
             self.contended += 1;
             let at = now + self.random(CONTEND_WAIT);
             let until = (at + HAND_OVER_MAX).min(sent_at + self.times.silent_at_most);
-            self.state = State::Claiming { at, until };
+            self.state = SendState::Claiming { at, until };
             return None;
         }
         if !is_damaged {
             return None;
         }
         self.listen(now);
-        Some(Change::Collided)
+        Some(StandbyChange::Collided)
     }
 
     /// The operator asked at `now` to give the line up. Another gateway is expected to take it before this one does.
-    pub fn give_up(&mut self, now: MonoTime, wait: Duration) -> Option<Change> {
+    pub fn give_up(&mut self, now: MonoTime, wait: Duration) -> Option<StandbyChange> {
         if !self.is_active() {
             return None;
         }
-        self.state = State::Listening {
+        self.state = SendState::Listening {
             quiet_from: now,
             looked_at: now,
             extra: wait,
         };
-        Some(Change::Yielded)
+        Some(StandbyChange::Yielded)
     }
 
     /// The active gateway hands the line over at `now`.
     pub fn handed_over(&mut self, now: MonoTime) {
         self.heard_at = Some(now);
-        if let State::Listening {
+        if let SendState::Listening {
             quiet_from,
             looked_at,
             extra,
@@ -370,7 +370,7 @@ impl Standby {
     pub fn refused(&mut self, now: MonoTime) {
         self.heard(now);
         let longer = self.times.take_over_after * 2;
-        if let State::Listening { extra, .. } = &mut self.state {
+        if let SendState::Listening { extra, .. } = &mut self.state {
             *extra = longer;
         }
     }
@@ -381,42 +381,45 @@ impl Standby {
         self.accept_at = None;
         self.contended = 0;
         // The others must hear it at once: the next rank is waiting.
-        self.state = State::Claiming {
+        self.state = SendState::Claiming {
             at: now,
             until: now + HAND_OVER_MAX,
         };
     }
 
     const fn is_active(&self) -> bool {
-        matches!(self.state, State::Claiming { .. } | State::Active { .. })
+        matches!(
+            self.state,
+            SendState::Claiming { .. } | SendState::Active { .. }
+        )
     }
 
     /// Time has passed up to `now`. `is_free`: a frame could be sent now, as far as the wire is concerned.
-    pub fn pass(&mut self, now: MonoTime, is_free: bool) -> Option<Change> {
+    pub fn pass(&mut self, now: MonoTime, is_free: bool) -> Option<StandbyChange> {
         match self.state {
-            State::Deaf { .. } => None,
-            State::Claiming { .. } | State::Active { .. }
+            SendState::Deaf { .. } => None,
+            SendState::Claiming { .. } | SendState::Active { .. }
                 if self.due_at().is_some_and(|at| now < at) =>
             {
                 None
             }
-            State::Claiming { .. } | State::Active { .. } if now >= self.deaf_at() => {
+            SendState::Claiming { .. } | SendState::Active { .. } if now >= self.deaf_at() => {
                 let wait = self.ears.fall_silent(self.times.take_over_after);
                 let extra = wait + self.random(wait);
                 self.knowledge.is_complete(now);
-                self.state = State::Listening {
+                self.state = SendState::Listening {
                     quiet_from: now,
                     looked_at: now,
                     extra,
                 };
-                Some(Change::Deaf)
+                Some(StandbyChange::Deaf)
             }
-            State::Claiming { .. } | State::Active { .. } => {
+            SendState::Claiming { .. } | SendState::Active { .. } => {
                 self.listen(now);
                 self.knowledge.missed(None, now, self.times.silent_at_most);
-                Some(Change::Stalled)
+                Some(StandbyChange::Stalled)
             }
-            State::Listening {
+            SendState::Listening {
                 quiet_from,
                 looked_at,
                 extra,
@@ -431,13 +434,13 @@ impl Standby {
                 let quiet_from = if was_suspended { now } else { quiet_from };
                 if is_free && self.accept_at.is_some_and(|at| now >= at) {
                     self.take(now);
-                    return Some(Change::HandedOver);
+                    return Some(StandbyChange::HandedOver);
                 }
                 if is_free && now >= quiet_from + self.times.take_over_after + extra {
                     self.take(now);
-                    return Some(Change::TakenOver);
+                    return Some(StandbyChange::TakenOver);
                 }
-                self.state = State::Listening {
+                self.state = SendState::Listening {
                     quiet_from,
                     looked_at: now,
                     extra,
@@ -451,7 +454,7 @@ impl Standby {
     fn listen(&mut self, now: MonoTime) {
         let extra = self.random(TIE_BREAK);
         self.knowledge.begins(now);
-        self.state = State::Listening {
+        self.state = SendState::Listening {
             quiet_from: now,
             looked_at: now,
             extra,

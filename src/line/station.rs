@@ -1,8 +1,8 @@
 //! The line's state of one station: replies that may still arrive late, and how long it has been silent.
 
 use super::exchange::answers;
-use super::quiet::Quiet;
-pub use super::stray::Stray;
+use super::quiet::StationSilence;
+pub use super::stray::StrayFrame;
 use crate::domain::time::MonoTime;
 use crate::profile::model::{Model, RefusedWrite};
 use crate::wire::pdu::Request;
@@ -30,7 +30,7 @@ pub const LOOKS: (u8, u16) = (8, 256);
 
 /// A request whose reply did not arrive in time.
 #[derive(Clone, Debug)]
-pub struct Missing {
+pub struct MissingReply {
     /// The request.
     pub request: Request,
     /// When its last character had been sent.
@@ -48,13 +48,13 @@ pub struct StationState {
     is_identified: bool,
     /// How long it is deaf after it is switched on.
     deaf_after_power_up: Duration,
-    missing: Vec<Missing>,
+    missing: Vec<MissingReply>,
     /// Missing replies that could no longer arrive.
-    expired: Vec<Missing>,
+    expired: Vec<MissingReply>,
     /// When the last character of the newest request had been sent.
     asked_at: MonoTime,
     /// The silence that it owes after an unexplained frame.
-    quiet: Quiet,
+    quiet: StationSilence,
     /// If the newest answer may have been a reply that could no longer arrive: its lateness.
     taken: Option<Duration>,
     /// Remaining silences of [`LOOKS`], and exchanges until they are replenished.
@@ -85,7 +85,7 @@ impl StationState {
             missing: Vec::new(),
             expired: Vec::new(),
             asked_at: MonoTime::ZERO,
-            quiet: Quiet::NONE,
+            quiet: StationSilence::NONE,
             taken: None,
             looks: LOOKS,
             asked_before_until: MonoTime::ZERO,
@@ -159,7 +159,7 @@ impl StationState {
             return false;
         }
         let misses =
-            |missing: &Missing| now < missing.until && missing.request.function() == function;
+            |missing: &MissingReply| now < missing.until && missing.request.function() == function;
         now < self.asked_before_until.max(self.quiet.until()) || self.missing.iter().any(misses)
     }
 
@@ -196,7 +196,7 @@ impl StationState {
 
     /// It may have been sent a request by another; the reply can arrive until `moment`. Answers to that one explain frames.
     pub const fn asked_before(&mut self, moment: MonoTime) {
-        self.quiet = Quiet::NONE;
+        self.quiet = StationSilence::NONE;
         self.asked_before_until = moment;
     }
 
@@ -227,7 +227,7 @@ impl StationState {
     }
 
     /// A request has remained unanswered at `now`.
-    pub fn reply_missing(&mut self, missing: Missing, now: MonoTime) {
+    pub fn reply_missing(&mut self, missing: MissingReply, now: MonoTime) {
         self.expire(now);
         if self.is_identified && self.missing.len() >= MISSING_MAX {
             self.missing.remove(0);
@@ -255,10 +255,16 @@ impl StationState {
     /// A sound frame of the station with `pdu` arrived at `now` that answers no open request. An unexplained one makes
     /// the station dirty until it has been silent for as long as the latest reply was late, unless it is the first one to a
     /// request that `waits`: then only a reply that follows does. `declared`: the declared maximum lateness.
-    pub fn stray(&mut self, pdu: &[u8], now: MonoTime, declared: Duration, waits: bool) -> Stray {
+    pub fn stray(
+        &mut self,
+        pdu: &[u8],
+        now: MonoTime,
+        declared: Duration,
+        waits: bool,
+    ) -> StrayFrame {
         self.expire(now);
         if self.is_identified {
-            return Stray::Explained;
+            return StrayFrame::Explained;
         }
         if now < self.asked_before_until
             || self
@@ -267,7 +273,7 @@ impl StationState {
                 .any(|missing| answers(&missing.request, pdu))
         {
             self.heard(now);
-            return Stray::Explained;
+            return StrayFrame::Explained;
         }
         let expired = self
             .expired
@@ -278,16 +284,16 @@ impl StationState {
             .or(self.taken.take());
         let late = beyond.unwrap_or_else(|| now.since(self.asked_at).min(declared));
         if beyond.is_none() && waits {
-            return Stray::WrongForm(late);
+            return StrayFrame::WrongForm(late);
         }
         if beyond.is_some() {
             self.quiet.observed(late);
         }
         self.is_unexplained(late, now);
         if beyond.is_some() {
-            Stray::BeyondLimit(late)
+            StrayFrame::BeyondLimit(late)
         } else {
-            Stray::TooMany(late)
+            StrayFrame::TooMany(late)
         }
     }
 
@@ -319,7 +325,7 @@ impl StationState {
     #[must_use]
     pub fn answered_late(&self, pdu: &[u8], now: MonoTime) -> Option<(&Request, MonoTime)> {
         let is_answered =
-            |missing: &&Missing| now < missing.until && answers(&missing.request, pdu);
+            |missing: &&MissingReply| now < missing.until && answers(&missing.request, pdu);
         let mut answered = self.missing.iter().filter(is_answered);
         let only = answered.next()?;
         answered
@@ -439,7 +445,7 @@ impl StationState {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::address::{Address, Table};
+    use crate::domain::address::{Address, DataTable};
     use crate::line::quiet::{QUIET_EXCHANGES, QUIET_LEAST};
     use crate::profile::model::{Confidence, Fact};
     use crate::vendors;
@@ -465,7 +471,7 @@ mod tests {
 
     fn miss(station: &mut StationState, request: Request, now: MonoTime, lateness: Duration) {
         station.reply_missing(
-            Missing {
+            MissingReply {
                 request,
                 sent_at: now,
                 until: now + lateness,
@@ -536,24 +542,27 @@ mod tests {
             station.unmistakable_at(&request) == now + LATENESS
         };
         assert!(
-            waits_for(from(Table::Coil, 1), from(Table::Coil, 8)),
+            waits_for(from(DataTable::Coil, 1), from(DataTable::Coil, 8)),
             "one byte each"
         );
         assert!(
-            !waits_for(from(Table::Coil, 8), from(Table::Coil, 9)),
+            !waits_for(from(DataTable::Coil, 8), from(DataTable::Coil, 9)),
             "two bytes"
         );
         assert!(
-            !waits_for(from(Table::Coil, 1), from(Table::Discrete, 1)),
+            !waits_for(from(DataTable::Coil, 1), from(DataTable::Discrete, 1)),
             "another function"
         );
         assert!(
-            !waits_for(from(Table::Holding, 1), from(Table::Input, 1)),
+            !waits_for(from(DataTable::Holding, 1), from(DataTable::Input, 1)),
             "another function"
         );
-        assert!(waits_for(from(Table::Input, 2), from(Table::Input, 2)));
+        assert!(waits_for(
+            from(DataTable::Input, 2),
+            from(DataTable::Input, 2)
+        ));
         let coil = |number, value| Request::WriteSingle {
-            address: Address::new(Table::Coil, number),
+            address: Address::new(DataTable::Coil, number),
             value,
         };
         assert!(
@@ -581,7 +590,7 @@ mod tests {
             miss(&mut station, read(1, count), at(1_000), LATENESS);
             assert_eq!(
                 station.stray(&[3, 2, 0, 7], at(1_100), LATENESS, false),
-                Stray::Explained
+                StrayFrame::Explained
             );
         }
         station.exchange_ended(&read(1, 1), true, at(1_200));
@@ -613,7 +622,7 @@ mod tests {
         let late = Duration::from_millis(80);
         assert_eq!(
             station.stray(&ONE_WORD, at(1_080), LATENESS, false),
-            Stray::TooMany(late)
+            StrayFrame::TooMany(late)
         );
         assert!(station.is_doubtful());
         assert_eq!(
@@ -639,13 +648,13 @@ mod tests {
         miss(&mut station, read(1, 1), at(1_000), LATENESS);
         assert_eq!(
             station.stray(&ONE_WORD, at(1_400), LATENESS, false),
-            Stray::Explained
+            StrayFrame::Explained
         );
         assert!(!station.is_doubtful());
         let late = Duration::from_millis(900);
         assert_eq!(
             station.stray(&ONE_WORD, at(1_900), LATENESS, false),
-            Stray::BeyondLimit(late)
+            StrayFrame::BeyondLimit(late)
         );
         assert_eq!(station.lateness(LATENESS), late * 3 / 2);
         station.line_opened(at(3_000));
@@ -661,7 +670,7 @@ mod tests {
         station.exchange_ended(&read(2, 1), false, at(1_900));
         assert_eq!(
             station.stray(&ONE_WORD, at(1_950), LATENESS, false),
-            Stray::BeyondLimit(late)
+            StrayFrame::BeyondLimit(late)
         );
     }
 

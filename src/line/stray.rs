@@ -4,7 +4,7 @@ use std::time::Duration;
 
 /// A sound frame of a station that answers no open request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stray {
+pub enum StrayFrame {
     /// A missing reply.
     Explained,
     /// A reply later than the maximum lateness: the time since its request.

@@ -2,14 +2,14 @@
 
 use super::budget::ASSUMED_TURNAROUND;
 use super::station::PROBE_TIMEOUT;
-use super::timing::Timing;
+use super::timing::LineTiming;
 use crate::profile::model::{self, Model};
 use crate::wire::pdu::Request;
 use std::time::Duration;
 
 /// Classes of requests, by what the drive has to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Class {
+pub enum RequestClass {
     /// Return a value.
     Read,
     /// Accept a value.
@@ -22,7 +22,7 @@ pub enum Class {
 /// next few.
 pub const ADAPTER_HOLDS: Duration = Duration::from_millis(20);
 
-impl Class {
+impl RequestClass {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::Read, Self::Write, Self::StoredWrite];
 
@@ -74,7 +74,7 @@ impl ReplyTimeouts {
 
     /// From `timing`: the model's cap until reply times are known, but never less than the drive may need.
     #[must_use]
-    pub fn auto(timing: &model::Timing) -> Self {
+    pub fn auto(timing: &model::ModelTiming) -> Self {
         let wait = |class| {
             timing
                 .reply_timeout_cap
@@ -82,9 +82,9 @@ impl ReplyTimeouts {
                 .max(work(timing, class).unwrap_or_default() + reply_delay(timing))
         };
         Self {
-            read: wait(Class::Read),
-            write: wait(Class::Write),
-            stored_write: wait(Class::StoredWrite),
+            read: wait(RequestClass::Read),
+            write: wait(RequestClass::Write),
+            stored_write: wait(RequestClass::StoredWrite),
             learns: true,
         }
     }
@@ -93,8 +93,8 @@ impl ReplyTimeouts {
     #[must_use]
     pub fn in_force(
         &self,
-        class: Class,
-        timing: &model::Timing,
+        class: RequestClass,
+        timing: &model::ModelTiming,
         learned: Option<Duration>,
     ) -> Duration {
         match learned {
@@ -107,8 +107,8 @@ impl ReplyTimeouts {
     #[must_use]
     pub fn probe(
         &self,
-        class: Class,
-        timing: &model::Timing,
+        class: RequestClass,
+        timing: &model::ModelTiming,
         learned: Option<Duration>,
     ) -> Duration {
         let needed = learned.unwrap_or_default().max(floor(timing, class));
@@ -117,11 +117,11 @@ impl ReplyTimeouts {
 
     /// The wait for a request of `class`.
     #[must_use]
-    pub const fn of(&self, class: Class) -> Duration {
+    pub const fn of(&self, class: RequestClass) -> Duration {
         match class {
-            Class::Read => self.read,
-            Class::Write => self.write,
-            Class::StoredWrite => self.stored_write,
+            RequestClass::Read => self.read,
+            RequestClass::Write => self.write,
+            RequestClass::StoredWrite => self.stored_write,
         }
     }
 }
@@ -129,45 +129,45 @@ impl ReplyTimeouts {
 /// The suggested wait for a station with `timing` whose 99.9th percentile of reply times is `usual`: twice that, but
 /// never less than the drive may need and never more than the model's cap.
 #[must_use]
-pub fn suggested(class: Class, timing: &model::Timing, usual: Duration) -> Duration {
+pub fn suggested(class: RequestClass, timing: &model::ModelTiming, usual: Duration) -> Duration {
     ReplyTimeouts::auto(timing).in_force(class, timing, Some(usual * 2))
 }
 
 /// The shortest wait that may be learned: the longest that the drive may need for processing and delay, plus
 /// [`ADAPTER_HOLDS`].
 #[must_use]
-pub fn floor(timing: &model::Timing, class: Class) -> Duration {
+pub fn floor(timing: &model::ModelTiming, class: RequestClass) -> Duration {
     turnaround(timing, class) + reply_delay(timing) + ADAPTER_HOLDS
 }
 
 /// The longest processing time of the drive, documented or else assumed, without the reply delay that can be set.
 #[must_use]
-pub fn turnaround(timing: &model::Timing, class: Class) -> Duration {
+pub fn turnaround(timing: &model::ModelTiming, class: RequestClass) -> Duration {
     work(timing, class).unwrap_or(ASSUMED_TURNAROUND)
 }
 
 /// The longest reply delay that can be set on the drive; zero if it is not known.
 #[must_use]
-pub fn reply_delay(timing: &model::Timing) -> Duration {
+pub fn reply_delay(timing: &model::ModelTiming) -> Duration {
     timing
         .reply_delay_max
         .as_ref()
         .map_or(Duration::ZERO, |fact| fact.value)
 }
 
-fn work(timing: &model::Timing, class: Class) -> Option<Duration> {
+fn work(timing: &model::ModelTiming, class: RequestClass) -> Option<Duration> {
     let value = |fact: &Option<model::Fact<Duration>>| fact.as_ref().map(|fact| fact.value);
     let processing = value(&timing.processing_max);
     match class {
-        Class::Read | Class::Write => processing,
-        Class::StoredWrite => value(&timing.stored_write_max).max(processing),
+        RequestClass::Read | RequestClass::Write => processing,
+        RequestClass::StoredWrite => value(&timing.stored_write_max).max(processing),
     }
 }
 
 /// By how much a reply of `bytes` characters takes longer on a line with `timing` than one of our frames, because
 /// the drive sends characters of `char_bits` bits.
 #[must_use]
-pub fn longer_reply(timing: &Timing, char_bits: Option<u8>, bytes: usize) -> Duration {
+pub fn longer_reply(timing: &LineTiming, char_bits: Option<u8>, bytes: usize) -> Duration {
     let bits = char_bits.map_or(0, |bits| {
         u32::from(bits).saturating_sub(timing.link.bits_per_char())
     });
@@ -183,8 +183,8 @@ pub fn longer_reply(timing: &Timing, char_bits: Option<u8>, bytes: usize) -> Dur
 mod tests {
     use super::*;
     use crate::domain::link::{Framing, LinkSettings, Parity};
-    use crate::profile::model::Memory;
-    use crate::profile::model::{Confidence, Fact, Role};
+    use crate::profile::model::RegisterMemory;
+    use crate::profile::model::{Confidence, Fact, RegisterRole};
     use crate::vendors;
 
     fn model() -> Model {
@@ -209,19 +209,19 @@ mod tests {
 
     #[test]
     fn a_reply_is_waited_for_at_least_as_long_as_the_drive_may_need() {
-        let timing = model::Timing {
+        let timing = model::ModelTiming {
             processing_max: fact(ms(10)),
             ..model().timing
         };
-        let delayed = model::Timing {
+        let delayed = model::ModelTiming {
             reply_delay_max: fact(ms(600)),
             ..timing.clone()
         };
-        let storing = model::Timing {
+        let storing = model::ModelTiming {
             stored_write_max: fact(ms(800)),
             ..timing.clone()
         };
-        let both = model::Timing {
+        let both = model::ModelTiming {
             stored_write_max: fact(ms(50)),
             ..delayed.clone()
         };
@@ -241,11 +241,11 @@ mod tests {
 
     #[test]
     fn a_learned_wait_lies_between_what_the_drive_may_need_and_the_cap() {
-        let timing = model::Timing {
+        let timing = model::ModelTiming {
             processing_max: fact(ms(10)),
             ..model().timing
         };
-        let timing = model::Timing {
+        let timing = model::ModelTiming {
             reply_delay_max: fact(ms(65)),
             stored_write_max: fact(ms(50)),
             ..timing
@@ -253,13 +253,13 @@ mod tests {
         let unknown = model().timing;
         let auto = ReplyTimeouts::auto(&timing);
         for (timing, class, learned, wait, probe) in [
-            (&timing, Class::Read, None, 500, 100),
-            (&timing, Class::Read, Some(8), 95, 100),
-            (&timing, Class::StoredWrite, Some(8), 135, 135),
-            (&timing, Class::Read, Some(240), 240, 240),
-            (&timing, Class::Read, Some(900), 500, 500),
-            (&unknown, Class::Write, Some(4), 30, 100),
-            (&unknown, Class::StoredWrite, Some(4), 30, 100),
+            (&timing, RequestClass::Read, None, 500, 100),
+            (&timing, RequestClass::Read, Some(8), 95, 100),
+            (&timing, RequestClass::StoredWrite, Some(8), 135, 135),
+            (&timing, RequestClass::Read, Some(240), 240, 240),
+            (&timing, RequestClass::Read, Some(900), 500, 500),
+            (&unknown, RequestClass::Write, Some(4), 30, 100),
+            (&unknown, RequestClass::StoredWrite, Some(4), 30, 100),
         ] {
             let learned = learned.map(ms);
             assert_eq!(
@@ -275,17 +275,17 @@ mod tests {
         }
         let fixed = ReplyTimeouts::fixed(ms(300));
         assert_eq!(
-            fixed.in_force(Class::Read, &timing, Some(ms(4))),
+            fixed.in_force(RequestClass::Read, &timing, Some(ms(4))),
             ms(300),
             "a configured value stays"
         );
-        let slow = model::Timing {
+        let slow = model::ModelTiming {
             reply_delay_max: fact(ms(1000)),
             ..timing
         };
-        assert_eq!(fixed.probe(Class::Read, &slow, None), ms(300));
+        assert_eq!(fixed.probe(RequestClass::Read, &slow, None), ms(300));
         assert_eq!(
-            ReplyTimeouts::fixed(ms(2000)).probe(Class::Read, &slow, None),
+            ReplyTimeouts::fixed(ms(2000)).probe(RequestClass::Read, &slow, None),
             ms(1030)
         );
     }
@@ -294,33 +294,34 @@ mod tests {
     fn what_is_not_known_to_be_lost_with_the_power_is_stored() {
         let mut model = model();
         let at = |role| model.register_for(role).unwrap().address;
-        let run = at(Role::RunCommand);
-        let ramp = at(Role::AccelerationTime);
-        let class =
-            |model: &Model, address| Class::of(&Request::WriteSingle { address, value: 1 }, model);
+        let run = at(RegisterRole::RunCommand);
+        let ramp = at(RegisterRole::AccelerationTime);
+        let class = |model: &Model, address| {
+            RequestClass::of(&Request::WriteSingle { address, value: 1 }, model)
+        };
         assert_eq!(
             class(&model, run),
-            Class::Write,
+            RequestClass::Write,
             "it is commanded cyclically"
         );
-        assert_eq!(class(&model, ramp), Class::StoredWrite);
+        assert_eq!(class(&model, ramp), RequestClass::StoredWrite);
         assert_eq!(
             class(&model, 0xFFFE_u16.into()),
-            Class::StoredWrite,
+            RequestClass::StoredWrite,
             "it is not in the model"
         );
         for register in &mut model.registers {
             let memory = if register.address == run {
-                Memory::Stored
+                RegisterMemory::Stored
             } else {
-                Memory::Ram
+                RegisterMemory::Ram
             };
             register.memory = Some(memory);
         }
-        assert_eq!(class(&model, run), Class::StoredWrite);
-        assert_eq!(class(&model, ramp), Class::Write);
+        assert_eq!(class(&model, run), RequestClass::StoredWrite);
+        assert_eq!(class(&model, ramp), RequestClass::Write);
         let block = |values| {
-            Class::of(
+            RequestClass::of(
                 &Request::WriteMultiple {
                     address: ramp,
                     values,
@@ -330,17 +331,17 @@ mod tests {
         };
         assert_eq!(
             (block(vec![1]), block(vec![1, 2])),
-            (Class::Write, Class::StoredWrite)
+            (RequestClass::Write, RequestClass::StoredWrite)
         );
         assert_eq!(
-            Class::of(
+            RequestClass::of(
                 &Request::Read {
                     address: run,
                     count: 1
                 },
                 &model
             ),
-            Class::Read
+            RequestClass::Read
         );
     }
 
@@ -351,7 +352,7 @@ mod tests {
             parity: Parity::Even,
             ..LinkSettings::DEFAULT
         };
-        let timing = Timing::for_models(Framing::Rtu, link, [], Duration::ZERO);
+        let timing = LineTiming::for_models(Framing::Rtu, link, [], Duration::ZERO);
         // 7 characters of 12 bits instead of 11.
         assert_eq!(
             longer_reply(&timing, Some(12), 7),

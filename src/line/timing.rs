@@ -23,7 +23,7 @@ pub const ADAPTER_HOLE: Duration = Duration::from_millis(20);
 
 /// Times of one line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Timing {
+pub struct LineTiming {
     /// How frames are delimited.
     pub framing: Framing,
     /// Speed and character format.
@@ -35,7 +35,7 @@ pub struct Timing {
     pub paced: bool,
 }
 
-impl Timing {
+impl LineTiming {
     /// Times of a line with `models`: the longest silence that one of them needs, at least `min_request_gap`.
     #[must_use]
     pub fn for_models<'a>(
@@ -128,7 +128,7 @@ pub(super) mod testing {
     use crate::domain::link::Parity;
 
     /// An RTU line of the Hyundai N700 as it comes from the factory: 4.5 characters of silence.
-    pub const N700: Timing = Timing {
+    pub const N700: LineTiming = LineTiming {
         framing: Framing::Rtu,
         link: LinkSettings::DEFAULT,
         silence: Duration::from_nanos(4_687_500),
@@ -136,7 +136,7 @@ pub(super) mod testing {
     };
 
     /// An ASCII line with 7 data bits and even parity at the same speed.
-    pub const ASCII: Timing = Timing {
+    pub const ASCII: LineTiming = LineTiming {
         framing: Framing::Ascii,
         link: LinkSettings {
             data_bits: 7,
@@ -174,9 +174,9 @@ mod tests {
         let long = model(4.5, None);
         let link = LinkSettings::DEFAULT;
         let silence =
-            |link, gap| Timing::for_models(Framing::Rtu, link, [&short, &long], gap).silence;
+            |link, gap| LineTiming::for_models(Framing::Rtu, link, [&short, &long], gap).silence;
         assert_eq!(
-            Timing::for_models(Framing::Rtu, link, [&short, &long], Duration::ZERO),
+            LineTiming::for_models(Framing::Rtu, link, [&short, &long], Duration::ZERO),
             N700
         );
         assert_eq!(
@@ -199,7 +199,7 @@ mod tests {
     fn gaps_in_characters_do_not_apply_to_ascii() {
         let slow = model(100.0, None);
         let silence = |models: &[&Model], gap| {
-            Timing::for_models(Framing::Ascii, ASCII.link, models.iter().copied(), gap).silence
+            LineTiming::for_models(Framing::Ascii, ASCII.link, models.iter().copied(), gap).silence
         };
         assert_eq!(silence(&[&slow], Duration::ZERO), Duration::from_millis(10));
         assert_eq!(
@@ -223,7 +223,7 @@ mod tests {
             model(3.5, Some(Duration::from_millis(20))),
         ];
         let timing =
-            Timing::for_models(Framing::Rtu, LinkSettings::DEFAULT, &models, Duration::ZERO);
+            LineTiming::for_models(Framing::Rtu, LinkSettings::DEFAULT, &models, Duration::ZERO);
         assert_eq!(timing.silence, Duration::from_millis(20));
     }
 
@@ -231,7 +231,7 @@ mod tests {
     fn over_modbus_tcp_characters_take_no_time_and_only_a_pause_of_the_drive_counts() {
         let timing = |pause, gap| {
             let model = model(4.5, pause);
-            Timing::for_models(Framing::Mbap, LinkSettings::DEFAULT, [&model], gap)
+            LineTiming::for_models(Framing::Mbap, LinkSettings::DEFAULT, [&model], gap)
         };
         let plain = timing(None, Duration::ZERO);
         assert_eq!(

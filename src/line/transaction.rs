@@ -6,17 +6,17 @@ mod ids;
 #[cfg(test)]
 mod tests;
 
-use super::arrivals::Arrivals;
-use super::exchange::{Ending, Exchange, Heard};
-use super::occupancy::Occupancy;
+use super::arrivals::PortArrivals;
+use super::exchange::{Exchange, ExchangeEnding, HeardData};
+use super::occupancy::LineOccupancy;
 use super::own_echo::OwnEcho;
-use super::timing::Timing;
+use super::timing::LineTiming;
 use crate::domain::ids::Station;
 use crate::domain::link::PortKind;
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::TrafficKind;
-use crate::wire::frame::Expected;
-use crate::wire::framing::{self, Assembler};
+use crate::wire::frame::ExpectedFrame;
+use crate::wire::framing::{self, FrameAssembler};
 use crate::wire::pdu::{self, Request};
 use ids::TransactionIds;
 use std::time::Duration;
@@ -26,9 +26,9 @@ const LISTENED_HOLE: Duration = Duration::from_millis(50);
 
 /// The exchange that is on the wire.
 #[derive(Debug)]
-struct Open {
+struct OpenExchange {
     exchange: Exchange,
-    expected: Expected,
+    expected: ExpectedFrame,
     /// The number that its reply must carry, where frames have one.
     transaction: Option<u16>,
     /// The computed end of our own transmission, where characters take their time.
@@ -45,46 +45,46 @@ struct Open {
 
 /// The wire of one line. At most one exchange is open on it.
 #[derive(Debug)]
-pub struct Wire {
-    timing: Timing,
-    assembler: Assembler,
+pub struct LineWire {
+    timing: LineTiming,
+    assembler: FrameAssembler,
     /// The later of the last byte read and the computed end of our own transmission.
     quiet_from: MonoTime,
     last_byte_at: MonoTime,
     /// Until this moment the drives are busy with a broadcast, or with what others asked.
     held_until: MonoTime,
     /// Since when bytes have been arriving without a silence long enough for one of our frames.
-    occupancy: Occupancy,
+    occupancy: LineOccupancy,
     /// Whether replies take time on the wire, so that one can be too early.
     is_timed: bool,
     /// Whether the first copy of each of our frames is removed from the received data.
     strips_echo: bool,
     own_echo: OwnEcho,
-    arrivals: Arrivals,
+    arrivals: PortArrivals,
     transactions: TransactionIds,
     /// Frames of others matter: one that an adapter delivers in pieces is put together.
     listens: bool,
     /// What was received is no stream of frames: nothing that follows can be understood.
     is_out_of_step: bool,
-    open: Option<Open>,
-    heard: Vec<Heard>,
+    open: Option<OpenExchange>,
+    heard: Vec<HeardData>,
 }
 
-impl Wire {
+impl LineWire {
     /// A wire on which nothing has been received up to `now`.
     #[must_use]
-    pub fn new(timing: Timing, now: MonoTime) -> Self {
+    pub fn new(timing: LineTiming, now: MonoTime) -> Self {
         Self {
-            assembler: Assembler::new(timing.framing),
+            assembler: FrameAssembler::new(timing.framing),
             timing,
             quiet_from: now,
             last_byte_at: now,
             held_until: MonoTime::ZERO,
-            occupancy: Occupancy::new(now),
+            occupancy: LineOccupancy::new(now),
             is_timed: false,
             strips_echo: false,
             own_echo: OwnEcho::default(),
-            arrivals: Arrivals::default(),
+            arrivals: PortArrivals::default(),
             transactions: TransactionIds::default(),
             listens: false,
             is_out_of_step: false,
@@ -156,7 +156,7 @@ impl Wire {
     pub fn port_opened(&mut self, now: MonoTime, kind: PortKind) {
         self.abandon(now);
         self.last_byte_at = now;
-        self.occupancy = Occupancy::new(now);
+        self.occupancy = LineOccupancy::new(now);
         self.is_timed = kind == PortKind::Serial;
     }
 
@@ -166,7 +166,7 @@ impl Wire {
     }
 
     /// Hands the frame of `exchange` to the port at `now`: appends it to `out`. The caller has waited until
-    /// [`Wire::may_send_from`], and no exchange is open.
+    /// [`LineWire::may_send_from`], and no exchange is open.
     pub fn send(&mut self, now: MonoTime, exchange: Exchange, out: &mut Vec<u8>) {
         let start = out.len();
         framing::encode(self.timing.framing, out, exchange.station.0, |pdu| {
@@ -181,7 +181,7 @@ impl Wire {
         }
         let sent_bytes = out.len() - start;
         let reply_bytes = self.timing.adu_bytes(exchange.request.reply_pdu_bytes());
-        let expected = Expected {
+        let expected = ExpectedFrame {
             station: exchange.station.0,
             function: exchange.request.function(),
             adu_bytes: reply_bytes,
@@ -207,7 +207,7 @@ impl Wire {
         let sent_until = if self.is_timed { self.quiet_from } else { now };
         let exception = None;
         let was_damaged = false;
-        self.open = Some(Open {
+        self.open = Some(OpenExchange {
             exchange,
             expected,
             transaction,
@@ -220,7 +220,7 @@ impl Wire {
     }
 
     /// Hands a frame for `station`, from which no reply follows, to the port at `now`: puts it into the empty `out`. The
-    /// drives are left alone for `turnaround`. As for [`Wire::send`], the caller has waited.
+    /// drives are left alone for `turnaround`. As for [`LineWire::send`], the caller has waited.
     pub fn broadcast(
         &mut self,
         now: MonoTime,
@@ -238,7 +238,7 @@ impl Wire {
     }
 
     /// Takes bytes that were read at `now`. Returns how the open exchange ended, if it did.
-    pub fn receive(&mut self, now: MonoTime, bytes: &[u8]) -> Option<(Exchange, Ending)> {
+    pub fn receive(&mut self, now: MonoTime, bytes: &[u8]) -> Option<(Exchange, ExchangeEnding)> {
         // Where only silence ends frames, a short hole may be an adapter's, and the reply continues after it.
         let ended = if self.open.is_none() || self.assembler.sees_ends() {
             self.flush_if_silent(now);
@@ -258,7 +258,7 @@ impl Wire {
     }
 
     /// Lets time pass up to `now`. Returns how the open exchange ended, if it did.
-    pub fn pass(&mut self, now: MonoTime) -> Option<(Exchange, Ending)> {
+    pub fn pass(&mut self, now: MonoTime) -> Option<(Exchange, ExchangeEnding)> {
         let Some(open) = &self.open else {
             self.flush_if_silent(now);
             return None;
@@ -266,7 +266,7 @@ impl Wire {
         let silent_since_frame = now >= self.pause_at();
         if let (true, Some(code)) = (silent_since_frame, open.exception) {
             if self.assembler.is_empty() {
-                return self.finish(Ending::Exception(code));
+                return self.finish(ExchangeEnding::Exception(code));
             }
             if let Some(open) = &mut self.open {
                 open.exception = None;
@@ -284,9 +284,9 @@ impl Wire {
         // Bytes that look like the reply prove nothing before its time is over, and little then.
         let is_damaged = open.was_damaged || self.holds_damaged_reply();
         self.finish(if is_damaged {
-            Ending::Garbled
+            ExchangeEnding::Garbled
         } else {
-            Ending::Silent
+            ExchangeEnding::Silent
         })
     }
 
@@ -298,8 +298,8 @@ impl Wire {
     }
 
     /// Ends the open exchange early, with a damaged reply.
-    pub fn cut_damaged(&mut self) -> Option<(Exchange, Ending)> {
-        self.finish(Ending::Garbled)
+    pub fn cut_damaged(&mut self) -> Option<(Exchange, ExchangeEnding)> {
+        self.finish(ExchangeEnding::Garbled)
     }
 
     /// Whether a byte has arrived after `moment`.
@@ -309,8 +309,8 @@ impl Wire {
     }
 
     /// Ends the open exchange early, without an answer.
-    pub fn cut_short(&mut self) -> Option<(Exchange, Ending)> {
-        self.finish(Ending::Silent)
+    pub fn cut_short(&mut self) -> Option<(Exchange, ExchangeEnding)> {
+        self.finish(ExchangeEnding::Silent)
     }
 
     /// Ends the open exchange without an answer because the port is gone, and discards received data.
@@ -324,7 +324,7 @@ impl Wire {
         self.open.take().map(|open| open.exchange)
     }
 
-    /// When [`Wire::pass`] has something to do without new bytes, if ever.
+    /// When [`LineWire::pass`] has something to do without new bytes, if ever.
     #[must_use]
     pub fn wake_at(&self) -> Option<MonoTime> {
         let has_bytes = !self.assembler.is_empty();
@@ -343,12 +343,12 @@ impl Wire {
 
     /// What was received and not taken yet, in order.
     #[must_use]
-    pub fn heard(&self) -> &[Heard] {
+    pub fn heard(&self) -> &[HeardData] {
         &self.heard
     }
 
     /// Takes what was received since the last call, in order.
-    pub fn take_heard(&mut self) -> Vec<Heard> {
+    pub fn take_heard(&mut self) -> Vec<HeardData> {
         std::mem::take(&mut self.heard)
     }
 
@@ -369,7 +369,7 @@ impl Wire {
             .map(|hole| self.last_byte_at + hole.max(adapters))
     }
 
-    fn finish(&mut self, ending: Ending) -> Option<(Exchange, Ending)> {
+    fn finish(&mut self, ending: ExchangeEnding) -> Option<(Exchange, ExchangeEnding)> {
         let open = self.open.take()?;
         self.own_echo.is_over();
         let rest = self.assembler.end();
@@ -427,7 +427,7 @@ impl Wire {
         } else {
             first
         };
-        self.heard.push(Heard {
+        self.heard.push(HeardData {
             kind,
             bytes,
             begin,

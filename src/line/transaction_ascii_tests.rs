@@ -1,8 +1,8 @@
 //! The wire of an ASCII line: what ends an exchange there, and what does not.
 
-use super::exchange::{Ending, Exchange};
+use super::exchange::{Exchange, ExchangeEnding};
 use super::timing::testing::ASCII;
-use super::transaction::Wire;
+use super::transaction::LineWire;
 use crate::domain::ids::Station;
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::TrafficKind;
@@ -39,12 +39,12 @@ fn read() -> Exchange {
     })
 }
 
-fn answered() -> Option<(Exchange, Ending)> {
-    Some((read(), Ending::Reply(Reply::Words(vec![6000]))))
+fn answered() -> Option<(Exchange, ExchangeEnding)> {
+    Some((read(), ExchangeEnding::Reply(Reply::Words(vec![6000]))))
 }
 
-fn sent(exchange: Exchange) -> Wire {
-    let mut wire = Wire::new(ASCII, MonoTime::ZERO);
+fn sent(exchange: Exchange) -> LineWire {
+    let mut wire = LineWire::new(ASCII, MonoTime::ZERO);
     wire.send(SENT, exchange, &mut Vec::new());
     wire
 }
@@ -55,7 +55,7 @@ fn at(millis: u64) -> MonoTime {
 
 #[test]
 fn a_request_goes_out_as_text_and_silence_counts_from_its_end() {
-    let mut wire = Wire::new(ASCII, MonoTime::ZERO);
+    let mut wire = LineWire::new(ASCII, MonoTime::ZERO);
     assert_eq!(wire.may_send_from(), at(10));
     let mut out = Vec::new();
     wire.send(SENT, read(), &mut out);
@@ -102,7 +102,7 @@ fn a_frame_that_has_ended_with_a_wrong_check_is_garbled_when_the_reply_was_due()
         assert_eq!(wire.wake_at(), due);
         assert_eq!(
             wire.pass(due.unwrap()),
-            Some((read(), Ending::Garbled)),
+            Some((read(), ExchangeEnding::Garbled)),
             "{place}"
         );
         let heard = wire.take_heard();
@@ -117,7 +117,7 @@ fn a_frame_that_has_ended_with_a_wrong_check_is_garbled_when_the_reply_was_due()
     let mut wire = sent(read());
     assert_eq!(wire.receive(at(60), &damaged), None);
     let due = wire.wake_at().unwrap();
-    assert_eq!(wire.pass(due), Some((read(), Ending::Garbled)));
+    assert_eq!(wire.pass(due), Some((read(), ExchangeEnding::Garbled)));
 }
 
 #[test]
@@ -184,7 +184,7 @@ fn a_second_without_a_character_ends_a_frame() {
             "{hole}"
         );
     }
-    let mut idle = Wire::new(ASCII, MonoTime::ZERO);
+    let mut idle = LineWire::new(ASCII, MonoTime::ZERO);
     assert_eq!(idle.receive(at(60), b":0103"), None);
     assert_eq!(idle.wake_at(), Some(at(1_060)));
     idle.pass(at(1_060));
@@ -196,7 +196,7 @@ fn an_exception_counts_at_once() {
     for (code, adu) in [(2, frame(1, &[0x83, 2])), (4, b":01830478\r\n".to_vec())] {
         assert_eq!(
             sent(read()).receive(at(60), &adu),
-            Some((read(), Ending::Exception(code)))
+            Some((read(), ExchangeEnding::Exception(code)))
         );
     }
 }
@@ -224,7 +224,7 @@ fn a_reply_that_never_ends_is_silence_at_the_time_out() {
     let mut wire = sent(read());
     let due = wire.wake_at().unwrap();
     assert_eq!(wire.receive(at(60), &reply()[..14]), None);
-    assert_eq!(wire.pass(due), Some((read(), Ending::Silent)));
+    assert_eq!(wire.pass(due), Some((read(), ExchangeEnding::Silent)));
     // What follows nevertheless answers nothing.
     assert_eq!(
         wire.receive(due + Duration::from_millis(1), &reply()[14..]),
@@ -262,6 +262,6 @@ fn babble_cannot_hold_an_exchange_open() {
             // The longest frame, 513 characters, and the silence after it.
             assert!(now < at(20 + 18 + 300 + 16 + 535 + 10 + 1));
         };
-        assert_eq!(ended, (read(), Ending::Silent));
+        assert_eq!(ended, (read(), ExchangeEnding::Silent));
     }
 }

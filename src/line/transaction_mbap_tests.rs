@@ -1,8 +1,8 @@
 //! The wire of a Modbus TCP line: which replies are ours, and what gives a connection up.
 
-use super::exchange::{Ending, Exchange};
-use super::timing::Timing;
-use super::transaction::Wire;
+use super::exchange::{Exchange, ExchangeEnding};
+use super::timing::LineTiming;
+use super::transaction::LineWire;
 use crate::domain::ids::Station;
 use crate::domain::link::{Framing, LinkSettings, PortKind};
 use crate::domain::time::MonoTime;
@@ -15,9 +15,9 @@ const AT: MonoTime = MonoTime::from_millis(20);
 const FIRST: u16 = 0xFFFE;
 const REPLY: [u8; 4] = [3, 2, 0x17, 0x70];
 
-fn wire() -> Wire {
-    let timing = Timing::for_models(Framing::Mbap, LinkSettings::DEFAULT, [], Duration::ZERO);
-    let mut wire = Wire::new(timing, MonoTime::ZERO);
+fn wire() -> LineWire {
+    let timing = LineTiming::for_models(Framing::Mbap, LinkSettings::DEFAULT, [], Duration::ZERO);
+    let mut wire = LineWire::new(timing, MonoTime::ZERO);
     wire.number_from(FIRST);
     wire.port_opened(MonoTime::ZERO, PortKind::Virtual);
     wire
@@ -55,17 +55,17 @@ fn stop() -> Exchange {
 }
 
 /// Sends `exchange`; returns its transaction.
-fn send(wire: &mut Wire, exchange: Exchange) -> u16 {
+fn send(wire: &mut LineWire, exchange: Exchange) -> u16 {
     let mut out = Vec::new();
     wire.send(AT, exchange, &mut out);
     mbap::decode(&out).unwrap().unwrap().transaction
 }
 
-fn answered() -> Option<(Exchange, Ending)> {
-    Some((read(), Ending::Reply(Reply::Words(vec![6000]))))
+fn answered() -> Option<(Exchange, ExchangeEnding)> {
+    Some((read(), ExchangeEnding::Reply(Reply::Words(vec![6000]))))
 }
 
-fn kinds(wire: &mut Wire) -> Vec<TrafficKind> {
+fn kinds(wire: &mut LineWire) -> Vec<TrafficKind> {
     wire.take_heard()
         .into_iter()
         .map(|heard| heard.kind)
@@ -88,8 +88,8 @@ fn requests_are_numbered_one_after_the_other_over_every_connection() {
 fn a_reply_ends_its_exchange_with_its_last_byte_and_needs_no_silence() {
     let mut wire = wire();
     for (pdu, ending) in [
-        (&REPLY[..], Ending::Reply(Reply::Words(vec![6000]))),
-        (&[0x83, 2], Ending::Exception(2)),
+        (&REPLY[..], ExchangeEnding::Reply(Reply::Words(vec![6000]))),
+        (&[0x83, 2], ExchangeEnding::Exception(2)),
     ] {
         let reply = message(send(&mut wire, read()), 1, pdu);
         for byte in &reply[..reply.len() - 1] {
@@ -149,11 +149,11 @@ fn a_late_reply_to_the_same_stop_acknowledges_nothing() {
     let mut wire = wire();
     let first = send(&mut wire, stop());
     let due = wire.wake_at().unwrap();
-    assert_eq!(wire.pass(due), Some((stop(), Ending::Silent)));
+    assert_eq!(wire.pass(due), Some((stop(), ExchangeEnding::Silent)));
     let second = send(&mut wire, stop());
     let echo = [6, 0, 2, 0, 0];
     assert_eq!(wire.receive(due, &message(first, 1, &echo)), None);
-    let acknowledged = Some((stop(), Ending::Reply(Reply::Holds { value: 0 })));
+    let acknowledged = Some((stop(), ExchangeEnding::Reply(Reply::Holds { value: 0 })));
     assert_eq!(wire.receive(due, &message(second, 1, &echo)), acknowledged);
     assert_eq!(wire.receive(due, &message(second, 1, &echo)), None, "twice");
     let stray = TrafficKind::Stray(Station(1));
@@ -189,7 +189,7 @@ fn the_rest_of_a_reply_is_waited_for_over_time_outs_and_requests() {
     let reply = message(send(&mut wire, read()), 1, &REPLY);
     assert_eq!(wire.receive(AT, &reply[..9]), None);
     let due = wire.wake_at().unwrap();
-    assert_eq!(wire.pass(due), Some((read(), Ending::Silent)));
+    assert_eq!(wire.pass(due), Some((read(), ExchangeEnding::Silent)));
     assert_eq!(
         wire.wake_at(),
         None,

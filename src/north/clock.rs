@@ -9,7 +9,7 @@ const DRIFT_MAX_MS: i64 = 1_000;
 
 /// The present, on both clocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Moment {
+pub struct ClockMoment {
     /// Decides.
     pub mono: MonoTime,
     /// Labels, and is compared with moments that clients name.
@@ -19,19 +19,19 @@ pub struct Moment {
 /// Turns monotonic moments into labels. It follows a wall clock that is set, as on machines that get the time of day
 /// from the network some time after they start.
 #[derive(Clone, Copy, Debug)]
-pub struct Clock {
-    anchor: Moment,
+pub struct LabelClock {
+    anchor: ClockMoment,
 }
 
-impl Clock {
+impl LabelClock {
     /// A clock that was right when the gateway `started`.
     #[must_use]
-    pub const fn new(started: Moment) -> Self {
+    pub const fn new(started: ClockMoment) -> Self {
         Self { anchor: started }
     }
 
     /// Updates the clock with the present.
-    pub fn see(&mut self, at: Moment) {
+    pub fn see(&mut self, at: ClockMoment) {
         let expected = self.wall(at.mono).unix_ms;
         if expected.saturating_sub(at.wall.unix_ms).saturating_abs() > DRIFT_MAX_MS {
             self.anchor = at;
@@ -69,11 +69,11 @@ mod tests {
 
     #[test]
     fn labels_stay_until_the_wall_clock_is_set() {
-        let moment = |mono, unix_ms| Moment {
+        let moment = |mono, unix_ms| ClockMoment {
             mono: MonoTime::from_millis(mono),
             wall: WallTime { unix_ms },
         };
-        let mut clock = Clock::new(moment(1_000, 50_000));
+        let mut clock = LabelClock::new(moment(1_000, 50_000));
         clock.see(moment(2_000, 51_400));
         assert_eq!(
             clock.wall(MonoTime::from_millis(2_000)).unix_ms,

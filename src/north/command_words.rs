@@ -8,14 +8,14 @@ use serde_json::{Map, Value};
 
 /// Why an intended command is refused.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Refused {
+pub struct RefusedCommand {
     /// Its reason, with number and word.
     pub reason: Reason,
     /// What is wrong and what would be right, for people.
     pub message: String,
 }
 
-impl Refused {
+impl RefusedCommand {
     /// With a message of its own.
     #[must_use]
     pub fn new(reason: Reason, message: impl Into<String>) -> Self {
@@ -50,7 +50,7 @@ pub enum RunWord {
 ///
 /// # Errors
 /// It is none of them.
-pub fn run_word(text: &str) -> Result<RunWord, Refused> {
+pub fn run_word(text: &str) -> Result<RunWord, RefusedCommand> {
     let table = [
         ("forward", RunWord::Run(Direction::Forward)),
         ("reverse", RunWord::Run(Direction::Reverse)),
@@ -67,7 +67,12 @@ pub fn run_word(text: &str) -> Result<RunWord, Refused> {
 
 /// Refuses the value of `key`, written as `text`, as no frequency. `step`: that of the drive's setpoint, where it is known.
 #[must_use]
-pub fn no_frequency(why: NoFrequency, key: &str, text: &str, step: Option<Decimal>) -> Refused {
+pub fn no_frequency(
+    why: NoFrequency,
+    key: &str,
+    text: &str,
+    step: Option<Decimal>,
+) -> RefusedCommand {
     let reason = match why {
         NoFrequency::NotANumber => Reason::NotANumber,
         NoFrequency::OutOfRange => Reason::OutsideLimits,
@@ -83,13 +88,13 @@ pub fn no_frequency(why: NoFrequency, key: &str, text: &str, step: Option<Decima
         "`{key}` takes hertz with a decimal point, such as 42.5; `{}` is {why}",
         short(text)
     );
-    Refused::new(reason, message)
+    RefusedCommand::new(reason, message)
 }
 
 /// Refuses an unknown word where `right` is expected.
 #[must_use]
-pub fn unknown_word(text: &str, right: &str) -> Refused {
-    Refused::new(
+pub fn unknown_word(text: &str, right: &str) -> RefusedCommand {
+    RefusedCommand::new(
         Reason::NotUnderstood,
         format!("`{}` is not valid here; expected {right}", short(text)),
     )
@@ -116,7 +121,7 @@ pub fn without_mark(payload: &[u8]) -> &[u8] {
 ///
 /// # Errors
 /// `payload` is not a JSON object.
-pub fn object(payload: &[u8], example: &str) -> Result<Map<String, Value>, Refused> {
+pub fn object(payload: &[u8], example: &str) -> Result<Map<String, Value>, RefusedCommand> {
     match serde_json::from_slice(without_mark(payload)) {
         Ok(Value::Object(object)) => Ok(object),
         Ok(_) => Err(not_understood(format!(
@@ -132,7 +137,7 @@ pub fn object(payload: &[u8], example: &str) -> Result<Map<String, Value>, Refus
 ///
 /// # Errors
 /// It has another one, which is named.
-pub fn known_keys(object: &Map<String, Value>, keys: &[&str]) -> Result<(), Refused> {
+pub fn known_keys(object: &Map<String, Value>, keys: &[&str]) -> Result<(), RefusedCommand> {
     let Some(key) = object.keys().find(|key| !keys.contains(&key.as_str())) else {
         return Ok(());
     };
@@ -153,7 +158,7 @@ pub fn known_keys(object: &Map<String, Value>, keys: &[&str]) -> Result<(), Refu
 ///
 /// # Errors
 /// One occurs twice.
-pub fn keys_stand_once(payload: &[u8], object: &Map<String, Value>) -> Result<(), Refused> {
+pub fn keys_stand_once(payload: &[u8], object: &Map<String, Value>) -> Result<(), RefusedCommand> {
     if pairs_written(payload) == pairs_in(object) {
         Ok(())
     } else {
@@ -271,7 +276,7 @@ fn is_text(quoted: &[u8], text: &str) -> bool {
 
 /// The remark on what else a message with a stop contains.
 #[must_use]
-pub fn beside_a_stop(refused: &Refused) -> String {
+pub fn beside_a_stop(refused: &RefusedCommand) -> String {
     format!("the stop was taken all the same: {}", refused.message)
 }
 
@@ -282,7 +287,7 @@ pub const NUMBER_CHARS_MAX: usize = 32;
 ///
 /// # Errors
 /// It is longer.
-pub fn short_number(text: &str, example: &str) -> Result<(), Refused> {
+pub fn short_number(text: &str, example: &str) -> Result<(), RefusedCommand> {
     if text.len() <= NUMBER_CHARS_MAX {
         return Ok(());
     }
@@ -297,7 +302,7 @@ pub fn short_number(text: &str, example: &str) -> Result<(), Refused> {
 ///
 /// # Errors
 /// It is none of those that are known.
-pub fn run(object: &Map<String, Value>) -> Result<Option<RunWord>, Refused> {
+pub fn run(object: &Map<String, Value>) -> Result<Option<RunWord>, RefusedCommand> {
     match object.get("run") {
         None => Ok(None),
         Some(Value::String(text)) => run_word(text).map(Some),
@@ -314,7 +319,7 @@ pub fn run(object: &Map<String, Value>) -> Result<Option<RunWord>, Refused> {
 pub fn frequency(
     object: &Map<String, Value>,
     step: Option<Decimal>,
-) -> Result<Option<Hertz>, Refused> {
+) -> Result<Option<Hertz>, RefusedCommand> {
     let Some(value) = object.get("frequency_hz") else {
         return Ok(None);
     };
@@ -331,7 +336,7 @@ pub fn frequency(
 ///
 /// # Errors
 /// It is something else.
-pub fn only_true(object: &Map<String, Value>, key: &str) -> Result<bool, Refused> {
+pub fn only_true(object: &Map<String, Value>, key: &str) -> Result<bool, RefusedCommand> {
     match object.get(key) {
         None => Ok(false),
         Some(Value::Bool(true)) => Ok(true),
@@ -341,14 +346,14 @@ pub fn only_true(object: &Map<String, Value>, key: &str) -> Result<bool, Refused
 
 /// Refused because it is not understood.
 #[must_use]
-pub fn not_understood(message: impl Into<String>) -> Refused {
-    Refused::new(Reason::NotUnderstood, message)
+pub fn not_understood(message: impl Into<String>) -> RefusedCommand {
+    RefusedCommand::new(Reason::NotUnderstood, message)
 }
 
 /// Refused because the value of `key` is no number.
 #[must_use]
-pub fn not_a_number(key: &str, example: &str) -> Refused {
-    Refused::new(
+pub fn not_a_number(key: &str, example: &str) -> RefusedCommand {
+    RefusedCommand::new(
         Reason::NotANumber,
         format!("`{key}` takes a number, such as {example}"),
     )

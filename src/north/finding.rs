@@ -5,7 +5,7 @@
 
 use crate::domain::ids::{Name, Station};
 use crate::domain::report::{LineReport, LineState};
-use crate::domain::suspicion::Suspicion;
+use crate::domain::suspicion::LineSuspicion;
 use crate::north::texts::Sentence;
 use serde_json::{Value, json};
 
@@ -27,7 +27,7 @@ pub enum Severity {
 impl Severity {
     /// The word in documents.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Good => "good",
             Self::Hint => "hint",
@@ -40,17 +40,17 @@ macro_rules! signs {
     ($($name:ident $word:literal $severity:ident $meaning:literal)*) => {
         /// What can be found.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-        pub enum Sign {
+        pub enum FindingSign {
             $(#[doc = $meaning] $name,)*
         }
 
-        impl Sign {
+        impl FindingSign {
             /// All of them.
             pub const ALL: &[Self] = &[$(Self::$name,)*];
 
             /// The word for programs.
             #[must_use]
-            pub const fn word(self) -> &'static str {
+            pub const fn keyword(self) -> &'static str {
                 match self { $(Self::$name => $word,)* }
             }
 
@@ -138,7 +138,7 @@ pub struct Finding {
     /// How bad it is.
     pub severity: Severity,
     /// What it is, for programs.
-    pub sign: Sign,
+    pub sign: FindingSign,
     /// The line it concerns; `None` for the gateway.
     pub line: Option<Name>,
     /// The drive it concerns, if any.
@@ -152,8 +152,8 @@ impl Finding {
     #[must_use]
     pub fn document(&self) -> Value {
         json!({
-            "severity": self.severity.word(),
-            "sign": self.sign.word(),
+            "severity": self.severity.keyword(),
+            "sign": self.sign.keyword(),
             "line": self.line.as_ref().map(Name::as_str),
             "drive": self.drive.as_ref().map(Name::as_str),
             "text": self.text.to_string(),
@@ -194,10 +194,10 @@ pub(super) fn over_full(planned_use_per_mille: u32) -> Sentence {
 }
 
 /// What is suspected of a line.
-pub(super) fn suspicion(suspicion: Suspicion) -> Sentence {
-    let said = Sentence::new(format!("suspicion.{}", suspicion.word()));
+pub(super) fn suspicion(suspicion: LineSuspicion) -> Sentence {
+    let said = Sentence::new(format!("suspicion.{}", suspicion.keyword()));
     let said = match suspicion {
-        Suspicion::WrongReplies { request, reply, .. } => said
+        LineSuspicion::WrongReplies { request, reply, .. } => said
             .with("request", request.to_string())
             .with("reply", reply.to_string()),
         _ => said,
@@ -214,7 +214,7 @@ pub(super) fn down_reason(report: &LineReport) -> Option<Sentence> {
         (LineState::Up, ..) => return None,
         // The text of the operating system.
         (LineState::Down, Some(error), _) => Sentence::new("fault.open").with("error", &**error),
-        (LineState::Down, None, Some(fault)) => Sentence::new(format!("fault.{}", fault.word())),
+        (LineState::Down, None, Some(fault)) => Sentence::new(format!("fault.{}", fault.keyword())),
         (LineState::Down, None, None) => Sentence::new("fault.not_opened"),
     };
     Some(reason)
@@ -226,11 +226,11 @@ mod tests {
 
     #[test]
     fn each_sign_has_a_word_of_its_own() {
-        for sign in Sign::ALL {
+        for sign in FindingSign::ALL {
             assert_eq!(
-                Sign::ALL
+                FindingSign::ALL
                     .iter()
-                    .filter(|it| it.word() == sign.word())
+                    .filter(|it| it.keyword() == sign.keyword())
                     .count(),
                 1,
                 "{sign:?}"
@@ -241,9 +241,9 @@ mod tests {
     #[test]
     fn the_documentation_lists_each_sign_with_its_meaning() {
         let page = include_str!("../../docs/trouble.md");
-        let table: String = Sign::ALL
+        let table: String = FindingSign::ALL
             .iter()
-            .map(|it| format!("| `{}` | {} |\n", it.word(), it.meaning()))
+            .map(|it| format!("| `{}` | {} |\n", it.keyword(), it.meaning()))
             .collect();
         assert!(
             page.contains(&table),
@@ -253,7 +253,7 @@ mod tests {
 
     #[test]
     fn a_motor_that_may_run_unseen_is_the_first_of_all_problems_and_a_trip_the_second() {
-        let finding = |sign: Sign| Finding {
+        let finding = |sign: FindingSign| Finding {
             severity: sign.severity(),
             sign,
             line: None,
@@ -262,11 +262,11 @@ mod tests {
         };
         let all = ranked(
             [
-                Sign::OverFull,
-                Sign::Offline,
-                Sign::Tripped,
-                Sign::LineDown,
-                Sign::MayStillRun,
+                FindingSign::OverFull,
+                FindingSign::Offline,
+                FindingSign::Tripped,
+                FindingSign::LineDown,
+                FindingSign::MayStillRun,
             ]
             .map(finding),
         );
@@ -274,11 +274,11 @@ mod tests {
         assert_eq!(
             signs,
             [
-                Sign::MayStillRun,
-                Sign::Tripped,
-                Sign::Offline,
-                Sign::LineDown,
-                Sign::OverFull
+                FindingSign::MayStillRun,
+                FindingSign::Tripped,
+                FindingSign::Offline,
+                FindingSign::LineDown,
+                FindingSign::OverFull
             ]
         );
     }

@@ -11,11 +11,11 @@ const KEY_BYTES: usize = 32;
 
 /// A secret key, and what it seals. What another key sealed is not recognized.
 #[derive(Clone)]
-pub(super) struct Seal {
+pub(super) struct SecretSeal {
     key: [u8; KEY_BYTES],
 }
 
-impl Seal {
+impl SecretSeal {
     /// The seal with this key, which must be random and used for nothing else.
     pub(super) fn new(key: u128) -> Self {
         let mut padded = [0; KEY_BYTES];
@@ -43,7 +43,7 @@ impl Seal {
     }
 }
 
-impl fmt::Debug for Seal {
+impl fmt::Debug for SecretSeal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Seal")
     }
@@ -64,8 +64,8 @@ mod tests {
 
     #[test]
     fn what_was_sealed_is_known_again_by_the_same_key_alone() {
-        let seal = Seal::new(7);
-        let other = Seal::new(8);
+        let seal = SecretSeal::new(7);
+        let other = SecretSeal::new(8);
         for number in [0, 1, 12, u64::MAX] {
             let text = seal.text(number);
             assert_eq!(seal.number(text.as_bytes()), Some(number), "{text}");
@@ -80,7 +80,7 @@ mod tests {
 
     #[test]
     fn a_text_that_was_changed_is_not_known() {
-        let seal = Seal::new(u128::MAX);
+        let seal = SecretSeal::new(u128::MAX);
         let text = seal.text(41);
         for place in 0..text.len() {
             for byte in [b'0', b'7', b'f', b'-', b' ', 0xFF] {

@@ -1,6 +1,6 @@
 //! The body of an order at the gateway's own socket: which registers are to be set for bus control.
 
-use crate::domain::command::Go;
+use crate::domain::command::GoOrder;
 use serde_json::Value;
 use std::time::Duration;
 
@@ -12,7 +12,7 @@ pub const EXAMPLE: &str = r#"{"addresses": [529, 530]}"#;
 pub fn addresses(body: &[u8]) -> Option<Vec<u16>> {
     let list = only(body, "addresses")?;
     let list = list.as_array()?;
-    let is_bounded = (1..=Go::REGISTERS_MAX).contains(&list.len());
+    let is_bounded = (1..=GoOrder::REGISTERS_MAX).contains(&list.len());
     let address = |value: &Value| u16::try_from(value.as_u64()?).ok();
     is_bounded.then(|| list.iter().map(address).collect())?
 }
@@ -94,7 +94,10 @@ mod tests {
     #[test]
     fn a_body_names_addresses_and_nothing_else() {
         assert_eq!(addresses(EXAMPLE.as_bytes()), Some(vec![529, 530]));
-        let many = format!(r#"{{"addresses": [{}1]}}"#, "1,".repeat(Go::REGISTERS_MAX));
+        let many = format!(
+            r#"{{"addresses": [{}1]}}"#,
+            "1,".repeat(GoOrder::REGISTERS_MAX)
+        );
         for wrong in [
             "",
             "[529]",

@@ -10,11 +10,11 @@ use crate::domain::standby::{StandbyPair, StandbyReport};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::sight::SeenAt;
-use crate::drive::snapshot::{Presence, ValueReading};
+use crate::drive::snapshot::{DrivePresence, ValueReading};
 use crate::drive::usage::{EnergySource, UsagePart};
 use crate::drive::view::{ControlView, DriveView, RunState};
 use crate::drive::warnings;
-use crate::north::clock::Clock;
+use crate::north::clock::LabelClock;
 use crate::north::texts::Sentence;
 use crate::profile::model::{Model, Register};
 use crate::profile::scale::Decimal;
@@ -35,7 +35,7 @@ pub enum Freshness {
 impl Freshness {
     /// The word as used in payloads.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Good => "good",
             Self::Stale => "stale",
@@ -50,7 +50,7 @@ pub fn usage(view: &DriveView) -> Value {
     let value = |part| view.usage.value(part).map(Decimal::value);
     json!({
         "energy_kwh": value(UsagePart::Energy),
-        "energy_from": view.usage.parts.energy.map(EnergySource::word),
+        "energy_from": view.usage.parts.energy.map(EnergySource::keyword),
         "running_hours": value(UsagePart::RunningHours),
         "starts": value(UsagePart::Starts).map(|it| it as u64),
         "trips": value(UsagePart::Trips).map(|it| it as u64),
@@ -86,7 +86,7 @@ fn said_alone(report: &Report) -> Sentence {
     if (report.outcome, report.reason) == (Outcome::Unknown, Reason::LineDown) {
         return Sentence::new("reason.stop_waits_for_line");
     }
-    let reason = Sentence::new(format!("reason.{}", report.reason.word()));
+    let reason = Sentence::new(format!("reason.{}", report.reason.keyword()));
     match (report.register, report.held) {
         (Some(register), Some(held)) => {
             let holds = Sentence::new("reason.register_holds").with("reason", reason);
@@ -173,26 +173,26 @@ pub fn quality(
 
 /// What was last seen of a drive that is out of sight; `null` for one that is in sight, or of which nothing was seen.
 #[must_use]
-pub fn last_seen(view: &DriveView, clock: &Clock) -> Value {
+pub fn last_seen(view: &DriveView, clock: &LabelClock) -> Value {
     view.sight.last_seen.map_or(Value::Null, |seen| {
         let at = match seen.at {
             SeenAt::Here(at) => clock.text(at),
             SeenAt::Before(at) => rfc3339(at),
         };
-        json!({ "run_state": seen.run_state.word(), "output_hz": seen.output.map(Hertz::as_f64), "at": at })
+        json!({ "run_state": seen.run_state.keyword(), "output_hz": seen.output.map(Hertz::as_f64), "at": at })
     })
 }
 
 /// The declared action that fell due since the last RUN, with the stage that it has reached; `null` if none did.
 #[must_use]
-pub fn fail_safe(control: Option<&ControlView>, clock: &Clock) -> Value {
+pub fn fail_safe(control: Option<&ControlView>, clock: &LabelClock) -> Value {
     control
         .and_then(|control| control.failsafe)
         .map_or(Value::Null, |run| {
             json!({
-                "action": run.action.word(),
-                "cause": run.cause.word(),
-                "stage": run.stage.word(),
+                "action": run.action.keyword(),
+                "cause": run.cause.keyword(),
+                "stage": run.stage.keyword(),
                 "at": clock.text(run.at),
             })
         })
@@ -204,7 +204,7 @@ pub fn may_still_run(view: &DriveView) -> Sentence {
     let Some(seen) = view.sight.last_seen else {
         return Sentence::new("finding.may_still_run");
     };
-    let state = Sentence::new(format!("finding.state.{}", seen.run_state.word()));
+    let state = Sentence::new(format!("finding.state.{}", seen.run_state.keyword()));
     match seen.output {
         Some(hertz) => Sentence::new("finding.may_still_run_at")
             .with("state", state)
@@ -216,9 +216,9 @@ pub fn may_still_run(view: &DriveView) -> Sentence {
 /// Why a declared action runs, and how far it has come.
 #[must_use]
 pub fn fail_safe_text(run: FailSafeRun) -> Sentence {
-    let came = fail_safe_stage(run.action.word(), run.stage.word());
+    let came = fail_safe_stage(run.action.keyword(), run.stage.keyword());
     Sentence::new("finding.failsafe")
-        .with("cause", fail_safe_cause(run.cause.word()))
+        .with("cause", fail_safe_cause(run.cause.keyword()))
         .with("came", came)
 }
 
@@ -231,7 +231,7 @@ pub fn fail_safe_cause(cause: &str) -> Sentence {
 /// How far a declared action has come, from the words for it and for its stage.
 #[must_use]
 pub fn fail_safe_stage(action: &str, stage: &str) -> Sentence {
-    if action == FailSafe::Hold.word() {
+    if action == FailSafe::Hold.keyword() {
         return Sentence::new("finding.failsafe.hold");
     }
     Sentence::new(format!("finding.failsafe.{stage}")).with("action", action)
@@ -250,7 +250,7 @@ pub fn answered_run_state(view: &DriveView) -> RunState {
 /// The run state; offline while the drive cannot be reached, whatever was known before.
 #[must_use]
 pub fn run_state(view: &DriveView) -> RunState {
-    let was_seen = view.snapshot.presence != Presence::Unknown;
+    let was_seen = view.snapshot.presence != DrivePresence::Unknown;
     if was_seen && !view.is_online() {
         RunState::Offline
     } else {
@@ -262,9 +262,9 @@ pub fn run_state(view: &DriveView) -> RunState {
 #[must_use]
 pub fn presence(view: &DriveView) -> &'static str {
     match view.snapshot.presence {
-        Presence::Unknown => "unknown",
-        Presence::Online if view.line_is_up => "online",
-        Presence::Online | Presence::Offline => "offline",
+        DrivePresence::Unknown => "unknown",
+        DrivePresence::Online if view.line_is_up => "online",
+        DrivePresence::Online | DrivePresence::Offline => "offline",
     }
 }
 
@@ -307,7 +307,7 @@ pub fn site(control: &ControlSettings) -> Vec<&'static str> {
         .site
         .actions
         .iter()
-        .map(|action| action.word())
+        .map(|action| action.keyword())
         .collect()
 }
 
@@ -346,7 +346,7 @@ pub const fn intent(intent: RunIntent) -> &'static str {
 pub fn standby(report: Option<&StandbyReport>, pair: Option<&StandbyPair>) -> Value {
     report.map_or(Value::Null, |report| {
         json!({
-            "role": report.role.word(),
+            "role": report.role.keyword(),
             "half": pair.map(|pair| pair.half.as_str()),
             "partner": pair.map(|pair| pair.partner.as_str()),
             "take_overs": report.take_overs,

@@ -1,14 +1,14 @@
 //! Shared by the tests of both sessions with a broker: two drives of a real model, their views, and the time.
 
-use super::broker::{Broker, LineState, Message};
-use super::clock::Moment;
+use super::broker::{BrokerLimits, BrokerMessage, SessionLine};
+use super::clock::ClockMoment;
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::{DriveIndex, Name, UnitId};
 use crate::domain::report::{self, LineReport};
 use crate::domain::time::{MonoTime, WallTime};
-use crate::drive::description::{DriveDescription, DriveRef, Points, Ratings};
-use crate::drive::plan::Pace;
-use crate::drive::snapshot::Presence;
+use crate::drive::description::{DriveDescription, DriveRatings, DriveRef, PointSettings};
+use crate::drive::plan::PollPace;
+use crate::drive::snapshot::DrivePresence;
 use crate::drive::view::{ControlView, DriveView, RunState};
 use crate::profile::model::Model;
 use crate::vendors;
@@ -34,11 +34,11 @@ pub fn name(text: &str) -> Name {
     Name::new(text).expect("a name")
 }
 
-pub fn message<'a>(topic: &'a str, payload: &'a [u8]) -> Message<'a> {
+pub fn message<'a>(topic: &'a str, payload: &'a [u8]) -> BrokerMessage<'a> {
     let retain = false;
     let duplicate = false;
     let expiry = None;
-    Message {
+    BrokerMessage {
         topic,
         payload,
         retain,
@@ -70,12 +70,12 @@ pub fn drives(control: ControlSettings) -> Vec<DriveDescription> {
         unit: UnitId::new(1).expect("a unit"),
         uniform_unit: UnitId::new(101).expect("a unit"),
         group: None,
-        pace: Pace::new(Duration::from_millis(500), 1.0),
-        ratings: Ratings::default(),
+        pace: PollPace::new(Duration::from_millis(500), 1.0),
+        ratings: DriveRatings::default(),
         control: control.map(Arc::new),
-        points: Points {
+        points: PointSettings {
             dead_bands: vec![("output_frequency".into(), 0.5)],
-            ..Points::default()
+            ..PointSettings::default()
         },
     };
     vec![drive(0, "pump", Some(control)), drive(1, "fan", None)]
@@ -86,16 +86,16 @@ pub struct Stage {
     pub views: Vec<DriveView>,
     /// The views as the session gets them: rebuilt only when one differs.
     pub shown: Vec<Arc<DriveView>>,
-    pub lines: Vec<LineState>,
+    pub lines: Vec<SessionLine>,
     pub millis: u64,
     /// By how much the wall clock was set, in milliseconds.
     pub wall_set_by: i64,
-    pub broker: Broker,
+    pub broker: BrokerLimits,
 }
 
 impl Stage {
     pub fn new() -> Self {
-        let lines = vec![LineState {
+        let lines = vec![SessionLine {
             name: name("hall"),
             report: LineReport {
                 state: report::LineState::Up,
@@ -105,7 +105,7 @@ impl Stage {
         }];
         let mut views = vec![DriveView::default(); 2];
         views[0].control = Some(idle_control());
-        let broker = Broker {
+        let broker = BrokerLimits {
             maximum_packet_bytes: None,
             retains: true,
         };
@@ -119,10 +119,10 @@ impl Stage {
         }
     }
 
-    pub fn at(&self) -> Moment {
+    pub fn at(&self) -> ClockMoment {
         let since = i64::try_from(self.millis - START_MS).expect("a moment");
         let unix_ms = EPOCH_MS + since + self.wall_set_by;
-        Moment {
+        ClockMoment {
             mono: MonoTime::from_millis(self.millis),
             wall: WallTime { unix_ms },
         }
@@ -137,7 +137,7 @@ impl Stage {
         let now = self.now();
         let view = &mut self.views[index];
         view.line_is_up = true;
-        view.snapshot.presence = Presence::Online;
+        view.snapshot.presence = DrivePresence::Online;
         view.run_state = RunState::Stopped;
         view.trip.active = Some(false);
         view.trip_kept.count = Some(2);
@@ -166,7 +166,7 @@ pub trait Staged {
     /// When the session wants to be woken.
     fn next_wake(&self) -> Option<MonoTime>;
     /// Wakes it.
-    fn tick(&mut self, at: Moment);
+    fn tick(&mut self, at: ClockMoment);
     /// Everything that is to be done now. A probe returns at once.
     fn acts(&mut self) -> Vec<Self::Act>;
 

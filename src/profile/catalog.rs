@@ -1,10 +1,10 @@
 //! The built-in and user-supplied models, by identifier.
 
 use super::check;
-use super::like::{Source, Sources, Whole};
+use super::like::{ModelText, ModelTexts, WholeFile};
 use super::model::Model;
 use crate::domain::problem::Problem;
-use crate::toml_file::{self, Location};
+use crate::toml_file::{self, KeyLocation};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
@@ -12,12 +12,12 @@ use std::sync::{Arc, OnceLock};
 /// Models with unique identifiers. Copies share them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Catalog {
-    models: BTreeMap<String, Arc<Entry>>,
+    models: BTreeMap<String, Arc<CatalogEntry>>,
 }
 
 /// A model file, and its model once somebody has asked for it.
 #[derive(Debug, PartialEq)]
-struct Entry {
+struct CatalogEntry {
     file: Cow<'static, str>,
     text: Cow<'static, str>,
     /// `None`: the file is not sound.
@@ -25,14 +25,14 @@ struct Entry {
 }
 
 /// The files of a catalog, and those that are about to join it.
-struct Files<'c> {
+struct CatalogFiles<'c> {
     catalog: &'c Catalog,
     new: &'c [(String, String)],
 }
 
-impl Sources for Files<'_> {
-    fn find(&self, id: &str) -> Option<Source<'_>> {
-        let known = self.catalog.models.get(id).map(|entry| Source {
+impl ModelTexts for CatalogFiles<'_> {
+    fn find(&self, id: &str) -> Option<ModelText<'_>> {
+        let known = self.catalog.models.get(id).map(|entry| ModelText {
             file: &entry.file,
             text: &entry.text,
         });
@@ -41,7 +41,7 @@ impl Sources for Files<'_> {
                 .iter()
                 .find(|(_, text)| id_of(text).as_deref() == Some(id))
         };
-        known.or_else(|| new().map(|(file, text)| Source { file, text }))
+        known.or_else(|| new().map(|(file, text)| ModelText { file, text }))
     }
 
     fn ids(&self) -> Vec<String> {
@@ -72,7 +72,7 @@ fn built_in_id(file: &str) -> String {
 
 /// Identifies the content of a sound model file: the CRC of its lines without comments and empty ones, and of those of the
 /// file from which it begins.
-fn digest(text: &str, files: &Files<'_>) -> u64 {
+fn digest(text: &str, files: &CatalogFiles<'_>) -> u64 {
     const CRC: crc::Crc<u64> = crc::Crc::<u64>::new(&crc::CRC_64_XZ);
     let mut digest = CRC.digest();
     for line in text
@@ -87,16 +87,16 @@ fn digest(text: &str, files: &Files<'_>) -> u64 {
         .lines()
         .any(|line| line.trim_start().starts_with("like"));
     let whole = may_begin_from_another
-        .then(|| Whole::read(text, files, &mut Vec::new()))
+        .then(|| WholeFile::read(text, files, &mut Vec::new()))
         .flatten();
-    if let Some(base) = whole.as_ref().and_then(Whole::base) {
+    if let Some(base) = whole.as_ref().and_then(WholeFile::base) {
         digest.update(&self::digest(base.text, files).to_le_bytes());
     }
     digest.finalize()
 }
 
 /// The model in `text` with its digest, and where its identifier is.
-fn read(text: &str, files: &Files<'_>) -> Result<(Model, Location), Vec<Problem>> {
+fn read(text: &str, files: &CatalogFiles<'_>) -> Result<(Model, KeyLocation), Vec<Problem>> {
     let (model, id) = check::model_and_id(text, files)?;
     Ok((
         Model {
@@ -115,7 +115,7 @@ impl Catalog {
         let entry = |(file, text): &(&'static str, &'static str)| {
             (
                 built_in_id(file),
-                Arc::new(Entry {
+                Arc::new(CatalogEntry {
                     file: (*file).into(),
                     text: (*text).into(),
                     model: OnceLock::new(),
@@ -150,7 +150,7 @@ impl Catalog {
             .into_iter()
             .map(|(file, text)| (file.into(), text.as_ref().to_owned()))
             .collect();
-        let files = Files {
+        let files = CatalogFiles {
             catalog: &self,
             new: &new,
         };
@@ -173,11 +173,11 @@ impl Catalog {
     #[must_use]
     pub fn text_of(&self, id: &str) -> Option<String> {
         let text = &self.models.get(id)?.text;
-        let files = Files {
+        let files = CatalogFiles {
             catalog: self,
             new: &[],
         };
-        let whole = Whole::read(text, &files, &mut Vec::new())?;
+        let whole = WholeFile::read(text, &files, &mut Vec::new())?;
         Some(if whole.base().is_none() {
             text.to_string()
         } else {
@@ -192,7 +192,7 @@ impl Catalog {
         let read = || {
             read(
                 &entry.text,
-                &Files {
+                &CatalogFiles {
                     catalog: self,
                     new: &[],
                 },
@@ -220,7 +220,7 @@ impl Catalog {
         model: Model,
         file: String,
         text: String,
-        id: &Location,
+        id: &KeyLocation,
     ) -> Result<(), Vec<Problem>> {
         if let Some(taken) = self.models.get(&model.id) {
             let problem = id.problem(format!(
@@ -233,7 +233,7 @@ impl Catalog {
         let model = OnceLock::from(Some(Arc::new(model)));
         self.models.insert(
             id,
-            Arc::new(Entry {
+            Arc::new(CatalogEntry {
                 file: file.into(),
                 text: text.into(),
                 model,

@@ -1,16 +1,16 @@
 //! Conversion between raw words of a register and values in its unit, exact in decimal.
 
-use super::model::{Model, Register, Role};
+use super::model::{Model, Register, RegisterRole};
 use std::fmt;
 
 /// A value as the drive holds it: `raw / scale`, kept as two integers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Scaled {
+pub struct ScaledValue {
     raw: i64,
     scale: u32,
 }
 
-impl Scaled {
+impl ScaledValue {
     /// `raw / scale`.
     #[must_use]
     pub(crate) const fn new(raw: i64, scale: u32) -> Self {
@@ -54,7 +54,7 @@ impl Scaled {
     }
 }
 
-impl fmt::Display for Scaled {
+impl fmt::Display for ScaledValue {
     /// Prints as many decimals as the scale has zeros (raw 6000 of scale 100 is `60.00`); for other scales, as
     /// many as the value needs.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -151,7 +151,7 @@ pub fn digits_of(scale: u32) -> u8 {
 #[must_use]
 pub fn setpoint_step(model: &Model) -> Option<Decimal> {
     let register = model
-        .register_for(Role::FrequencyCommand)
+        .register_for(RegisterRole::FrequencyCommand)
         .filter(|register| register.is_exact())?;
     Some(Decimal::nearest(
         1,
@@ -170,9 +170,9 @@ pub enum NoWord {
     #[error("outside {least} to {most}")]
     OutOfRange {
         /// The least value that the word can hold.
-        least: Scaled,
+        least: ScaledValue,
         /// The greatest value that the word can hold.
-        most: Scaled,
+        most: ScaledValue,
     },
     /// Between two steps of the register.
     #[error("finer than the register's steps of 1/{scale}")]
@@ -224,8 +224,8 @@ fn steps_within(value: f64, scale: u32, (least, most): (i64, i64)) -> Result<i64
     let raw = steps.round() as i64;
     if !(least..=most).contains(&raw) {
         return Err(NoWord::OutOfRange {
-            least: Scaled { raw: least, scale },
-            most: Scaled { raw: most, scale },
+            least: ScaledValue { raw: least, scale },
+            most: ScaledValue { raw: most, scale },
         });
     }
     // Programs count in binary fractions.
@@ -262,7 +262,7 @@ mod tests {
         ];
         for (word, scale, signed, text) in table {
             assert_eq!(
-                Scaled::from_word(word, &register(scale, signed)).to_string(),
+                ScaledValue::from_word(word, &register(scale, signed)).to_string(),
                 text
             );
         }
@@ -301,7 +301,7 @@ mod tests {
         for (scale, signed) in [(1, false), (10, true), (100, false), (1000, true)] {
             let register = register(scale, signed);
             for word in 0..=u16::MAX {
-                let scaled = Scaled::from_word(word, &register);
+                let scaled = ScaledValue::from_word(word, &register);
                 let decimal = scaled.to_digits(digits_of(scale));
                 assert_eq!(
                     (decimal.to_string(), decimal.value()),
@@ -322,7 +322,7 @@ mod tests {
         ] {
             let register = register(scale, signed);
             for word in 0..=u16::MAX {
-                let text = Scaled::from_word(word, &register).to_string();
+                let text = ScaledValue::from_word(word, &register).to_string();
                 assert_eq!(to_raw(text.parse().unwrap(), &register), Ok(word), "{text}");
             }
         }

@@ -71,7 +71,7 @@ pub fn head() -> &'static str {
 }
 
 /// One entry per problem: position, key, what is wrong, what would be right.
-pub(super) fn told(problems: &[Problem], text: &str) -> String {
+pub(super) fn problem_lines(problems: &[Problem], text: &str) -> String {
     let lines = problems.iter().map(|problem| {
         let (line, column) = problem.place_in(text);
         let right = problem.right.as_deref().unwrap_or("-");
@@ -108,7 +108,7 @@ pub(super) fn each_mistake_is_told(changes: &[(&str, &str, &str)]) {
 pub(super) fn told_with(model: &str, from: &str, to: &str) -> String {
     assert!(model.contains(from), "{from}");
     let text = model.replacen(from, to, 1);
-    told(&check::model(&text).unwrap_err(), &text)
+    problem_lines(&check::model(&text).unwrap_err(), &text)
 }
 
 /// Asserts that each replacement in [`EVERYTHING`] is reported: a line per problem, with key, what is wrong and what

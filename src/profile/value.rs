@@ -1,7 +1,7 @@
 //! The value of a register, worked out from the words of the drive. This is the only place that knows how.
 
-use super::model::{Addend, Basis, FullScale, Register, Whole};
-use super::scale::{Decimal, Scaled, digits_of};
+use super::model::{AddendWord, BasisRegister, FractionWhole, FullScale, Register};
+use super::scale::{Decimal, ScaledValue, digits_of};
 use crate::domain::address::Address;
 use crate::domain::frequency::Hertz;
 
@@ -206,7 +206,7 @@ impl Register {
     /// Its value, from the words that `word` knows; `None` if one that it needs is not known, or another register
     /// holds what the model gives no meaning.
     #[must_use]
-    pub fn value(&self, word: impl Fn(Address) -> Option<u16>) -> Option<Scaled> {
+    pub fn value(&self, word: impl Fn(Address) -> Option<u16>) -> Option<ScaledValue> {
         if self.form.is_plain() {
             return Some(self.plain_value(word(self.address)?));
         }
@@ -221,7 +221,7 @@ impl Register {
             && self.form.scale_by.is_none()
             && !self.has_parts()
         {
-            return Some(Scaled::new(number, self.scale));
+            return Some(ScaledValue::new(number, self.scale));
         }
         let steps = match &self.form.scale_by {
             None => self.scale,
@@ -240,14 +240,14 @@ impl Register {
         for part in &self.form.plus {
             value = value.plus(part.value(word(part.address)?)?)?;
         }
-        Some(Scaled::of_decimal(value.to_digits(self.digits())?))
+        Some(ScaledValue::of_decimal(value.to_digits(self.digits())?))
     }
 
     /// What `word` means in a register whose form is plain: it depends on nothing else, and always has a value.
     #[must_use]
-    pub fn plain_value(&self, word: u16) -> Scaled {
+    pub fn plain_value(&self, word: u16) -> ScaledValue {
         let number = self.number_in(word);
-        Scaled::new(
+        ScaledValue::new(
             if self.form.sign_is_direction {
                 number.abs()
             } else {
@@ -453,13 +453,13 @@ impl Register {
     }
 }
 
-impl Addend {
+impl AddendWord {
     fn value(&self, word: u16) -> Option<Ratio> {
         Ratio::new(i128::from(word) * i128::from(self.per), self.scale.into())
     }
 }
 
-impl Basis {
+impl BasisRegister {
     fn value(&self, word: u16) -> Option<Ratio> {
         Ratio::new(
             i128::from(field(word, self.mask, self.signed)) * i128::from(self.per),
@@ -472,9 +472,9 @@ impl FullScale {
     /// Where 0 is, and the whole from there on. `None` unless both are known and the whole is above 0.
     fn span(&self, word: impl Fn(Address) -> Option<u16>) -> Option<(Ratio, Ratio)> {
         let of = match &self.of {
-            Whole::Register(basis) => basis.value(word(basis.address)?)?,
-            Whole::Fixed(hertz) => Ratio::of_hertz(*hertz),
-            Whole::Configured => return None,
+            FractionWhole::Register(basis) => basis.value(word(basis.address)?)?,
+            FractionWhole::Fixed(hertz) => Ratio::of_hertz(*hertz),
+            FractionWhole::Configured => return None,
         };
         let from = match &self.from {
             Some(basis) => basis.value(word(basis.address)?)?,

@@ -1,25 +1,26 @@
 //! The words of a model file for enumerations: one table each, for reading and printing.
 
 use super::model::{
-    Access, BitMeaning, Boundary, Confidence, DocumentKind, ExceptionKind, FactPart, Flag, Holes,
-    Memory, NeededFor, PollClass, RefusedWrite, Role, WordOrder, ZeroWord,
+    BitMeaning, Confidence, DocumentKind, ExceptionKind, FactPart, IndicatedState, NeededFor,
+    PollClass, ReadBoundary, ReadHoles, RefusedWrite, RegisterAccess, RegisterMemory, RegisterRole,
+    WordOrder, ZeroWord,
 };
-use crate::domain::address::Table;
+use crate::domain::address::DataTable;
 
 /// The table of an enumeration that defines its own words.
 macro_rules! own_words {
-    ($kind:ident: $($value:ident),+) => { [$(($kind::$value.word(), $kind::$value)),+] };
+    ($kind:ident: $($value:ident),+) => { [$(($kind::$value.keyword(), $kind::$value)),+] };
 }
 
 /// Access to a register.
-pub const ACCESSES: [(&str, Access); 3] = [
-    ("read", Access::Read),
-    ("write", Access::Write),
-    ("read-write", Access::ReadWrite),
+pub const ACCESSES: [(&str, RegisterAccess); 3] = [
+    ("read", RegisterAccess::Read),
+    ("write", RegisterAccess::Write),
+    ("read-write", RegisterAccess::ReadWrite),
 ];
 
 /// The tables of the Modbus data model.
-pub const TABLES: [(&str, Table); 4] = own_words!(Table: Holding, Input, Coil, Discrete);
+pub const TABLES: [(&str, DataTable); 4] = own_words!(DataTable: Holding, Input, Coil, Discrete);
 
 /// How often a register is polled.
 pub const POLL_CLASSES: [(&str, PollClass); 5] = [
@@ -31,22 +32,22 @@ pub const POLL_CLASSES: [(&str, PollClass); 5] = [
 ];
 
 /// The kind of memory behind a register.
-pub const MEMORIES: [(&str, Memory); 2] = own_words!(Memory: Ram, Stored);
+pub const MEMORIES: [(&str, RegisterMemory); 2] = own_words!(RegisterMemory: Ram, Stored);
 
 /// Properties of a register that its source may leave unstated.
 pub(super) const PARTS: [(&str, FactPart); 6] =
     own_words!(FactPart: Reading, Writing, Scale, Sign, Memory, Meaning);
 
 /// States that a status register can indicate.
-pub const FLAGS: [(&str, Flag); 8] = [
-    ("running", Flag::Running),
-    ("reverse", Flag::Reverse),
-    ("stopping", Flag::Stopping),
-    ("tripped", Flag::Tripped),
-    ("alarm", Flag::Alarm),
-    ("ready", Flag::Ready),
-    ("bus-run", Flag::BusRun),
-    ("bus-frequency", Flag::BusFrequency),
+pub const FLAGS: [(&str, IndicatedState); 8] = [
+    ("running", IndicatedState::Running),
+    ("reverse", IndicatedState::Reverse),
+    ("stopping", IndicatedState::Stopping),
+    ("tripped", IndicatedState::Tripped),
+    ("alarm", IndicatedState::Alarm),
+    ("ready", IndicatedState::Ready),
+    ("bus-run", IndicatedState::BusRun),
+    ("bus-frequency", IndicatedState::BusFrequency),
 ];
 
 /// Meanings of bits in a run command.
@@ -85,14 +86,14 @@ pub(super) const EXCEPTION_KINDS: [(&str, ExceptionKind); 4] =
     own_words!(ExceptionKind: Busy, Locked, InTrip, DamagedFrame);
 
 /// What a drive does about a read of an address without a register.
-pub(super) const HOLES: [(&str, Holes); 3] = [
-    ("refused", Holes::Refused),
-    ("zero", Holes::Zero),
-    ("read", Holes::Read),
+pub(super) const HOLES: [(&str, ReadHoles); 3] = [
+    ("refused", ReadHoles::Refused),
+    ("zero", ReadHoles::Zero),
+    ("read", ReadHoles::Read),
 ];
 
 /// Boundaries that no read may cross.
-pub(super) const BOUNDARIES: [(&str, Boundary); 1] = [("high-byte", Boundary::HighByte)];
+pub(super) const BOUNDARIES: [(&str, ReadBoundary); 1] = [("high-byte", ReadBoundary::HighByte)];
 
 /// Appearances of a refused write.
 pub(super) const REFUSED_WRITES: [(&str, RefusedWrite); 3] = [
@@ -120,34 +121,34 @@ pub(super) const DOCUMENT_KINDS: [(&str, DocumentKind); 8] = own_words!(
 pub const CONFIDENCES: [(&str, Confidence); 7] = own_words!(Confidence: Manual, SecondSource, ThirdParty, Sibling, Inferred, Default, Configured);
 
 /// Uses of a register by the gateway.
-pub const ROLES: [(&str, Role); 27] = [
-    ("run-command", Role::RunCommand),
-    ("order", Role::Order),
-    ("frequency-command", Role::FrequencyCommand),
-    ("frequency-setting", Role::FrequencySetting),
-    ("output-frequency", Role::OutputFrequency),
-    ("acceleration-time", Role::AccelerationTime),
-    ("deceleration-time", Role::DecelerationTime),
-    ("frequency-source", Role::FrequencySource),
-    ("run-source", Role::RunSource),
-    ("trip-code", Role::TripCode),
-    ("trip-bits", Role::TripBits),
-    ("trip-count", Role::TripCount),
-    ("trip-cause", Role::TripCause),
-    ("trip-frequency", Role::TripFrequency),
-    ("trip-current", Role::TripCurrent),
-    ("trip-dc-link-voltage", Role::TripDcLinkVoltage),
-    ("output-current", Role::OutputCurrent),
-    ("output-voltage", Role::OutputVoltage),
-    ("dc-link-voltage", Role::DcLinkVoltage),
-    ("output-power", Role::OutputPower),
-    ("torque", Role::Torque),
-    ("temperature", Role::Temperature),
-    ("run-hours", Role::RunHours),
-    ("energy", Role::Energy),
-    ("trip-history", Role::TripHistory),
-    ("warning-code", Role::WarningCode),
-    ("warning-bits", Role::WarningBits),
+pub const ROLES: [(&str, RegisterRole); 27] = [
+    ("run-command", RegisterRole::RunCommand),
+    ("order", RegisterRole::Order),
+    ("frequency-command", RegisterRole::FrequencyCommand),
+    ("frequency-setting", RegisterRole::FrequencySetting),
+    ("output-frequency", RegisterRole::OutputFrequency),
+    ("acceleration-time", RegisterRole::AccelerationTime),
+    ("deceleration-time", RegisterRole::DecelerationTime),
+    ("frequency-source", RegisterRole::FrequencySource),
+    ("run-source", RegisterRole::RunSource),
+    ("trip-code", RegisterRole::TripCode),
+    ("trip-bits", RegisterRole::TripBits),
+    ("trip-count", RegisterRole::TripCount),
+    ("trip-cause", RegisterRole::TripCause),
+    ("trip-frequency", RegisterRole::TripFrequency),
+    ("trip-current", RegisterRole::TripCurrent),
+    ("trip-dc-link-voltage", RegisterRole::TripDcLinkVoltage),
+    ("output-current", RegisterRole::OutputCurrent),
+    ("output-voltage", RegisterRole::OutputVoltage),
+    ("dc-link-voltage", RegisterRole::DcLinkVoltage),
+    ("output-power", RegisterRole::OutputPower),
+    ("torque", RegisterRole::Torque),
+    ("temperature", RegisterRole::Temperature),
+    ("run-hours", RegisterRole::RunHours),
+    ("energy", RegisterRole::Energy),
+    ("trip-history", RegisterRole::TripHistory),
+    ("warning-code", RegisterRole::WarningCode),
+    ("warning-bits", RegisterRole::WarningBits),
 ];
 
 #[cfg(test)]
@@ -157,7 +158,7 @@ mod tests {
 
     #[test]
     fn every_value_has_its_word() {
-        assert_eq!(word_for(&ROLES, &Role::TripCause), "trip-cause");
+        assert_eq!(word_for(&ROLES, &RegisterRole::TripCause), "trip-cause");
         assert_eq!(word_for(&POLL_CLASSES[..1], &PollClass::Slow), "?");
     }
 }

@@ -1,12 +1,12 @@
 //! A half-duplex bus with simulated drives: the master's bytes in, the drives' bytes out, each at its moment.
 
-use super::bus_options::{BusOptions, Pacing};
+use super::bus_options::{BusOptions, BusPacing};
 use super::drive::SimDrive;
-use super::fault::{Fate, FaultPlan, Faults};
-use super::incoming::{Incoming, least_silence, silence_for};
-use super::node::Node;
+use super::fault::{FaultGenerator, FaultPlan, ReplyFate};
+use super::incoming::{IncomingBytes, least_silence, silence_for};
+use super::node::SimNode;
 use super::report::BusReport;
-use super::transmissions::Transmissions;
+use super::transmissions::DriveTransmissions;
 use crate::domain::ids::Station;
 use crate::domain::link::LinkSettings;
 use crate::domain::time::MonoTime;
@@ -29,15 +29,15 @@ pub struct SimBus {
     link: LinkSettings,
     options: BusOptions,
     silence: Duration,
-    faults: Faults,
-    nodes: Vec<Node>,
-    request: Incoming,
+    faults: FaultGenerator,
+    nodes: Vec<SimNode>,
+    request: IncomingBytes,
     /// End of the master's last character.
     master_end: MonoTime,
     /// End of the last character on the wire, as far as the drives' bytes were taken.
     quiet_since: Option<MonoTime>,
     /// What the drives still have to transmit.
-    transmissions: Transmissions,
+    transmissions: DriveTransmissions,
     report: BusReport,
     /// The newest reply of a drive, before any fault.
     newest_reply: Vec<u8>,
@@ -55,13 +55,13 @@ impl SimBus {
             silence: options
                 .silence
                 .unwrap_or_else(|| least_silence(options.framing, link)),
-            faults: Faults::new(options.faults, options.framing, link.data_bits, seed),
+            faults: FaultGenerator::new(options.faults, options.framing, link.data_bits, seed),
             nodes: Vec::new(),
-            request: Incoming::new(options.framing),
+            request: IncomingBytes::new(options.framing),
             master_end: MonoTime::ZERO,
             quiet_since: None,
-            transmissions: Transmissions::new(
-                (options.pacing == Pacing::CharacterTimes).then_some(link),
+            transmissions: DriveTransmissions::new(
+                (options.pacing == BusPacing::CharacterTimes).then_some(link),
                 options.delivery,
             ),
             report: BusReport::default(),
@@ -86,7 +86,7 @@ impl SimBus {
         self.nodes.retain(|node| node.station != station);
         self.transmissions.silence(MonoTime::ZERO, station);
         self.faults.connect(station.0);
-        self.nodes.push(Node::new(station, drive));
+        self.nodes.push(SimNode::new(station, drive));
     }
 
     /// The stations on the bus, in the order in which they were connected.
@@ -184,7 +184,7 @@ impl SimBus {
     }
 
     /// Maximum number of transmissions that may wait to be taken.
-    pub const WAITING_MAX: usize = Transmissions::MAX_WAITING;
+    pub const WAITING_MAX: usize = DriveTransmissions::MAX_WAITING;
 
     /// Whether characters take time on this bus.
     #[must_use]
@@ -342,7 +342,7 @@ impl SimBus {
             self.burst(end + after, &bytes);
         }
         let (fate, hole) = self.faults.spoil(&mut frame);
-        if fate == Fate::Lost || self.transmissions.is_full() {
+        if fate == ReplyFate::Lost || self.transmissions.is_full() {
             self.report.replies_lost += 1;
             return self.transmissions.recycle(frame);
         }
@@ -351,7 +351,14 @@ impl SimBus {
 
     /// Decides when `frame`, the reply to a request that ended at `end`, is sent; from the byte at `hole` on it is
     /// delivered late.
-    fn schedule(&mut self, place: usize, end: MonoTime, fate: Fate, frame: Vec<u8>, hole: usize) {
+    fn schedule(
+        &mut self,
+        place: usize,
+        end: MonoTime,
+        fate: ReplyFate,
+        frame: Vec<u8>,
+        hole: usize,
+    ) {
         let length = self.transmissions.time(frame.len());
         let has_turnaround =
             self.transmissions.is_paced() || !self.options.framing.has_characters();
@@ -361,11 +368,11 @@ impl SimBus {
             end
         };
         let wanted = match fate {
-            Fate::Late => end + self.faults.late_start(length),
-            Fate::Beyond => end + self.faults.beyond_start(),
-            Fate::OnTime | Fate::Lost => right_time,
+            ReplyFate::Late => end + self.faults.late_start(length),
+            ReplyFate::Beyond => end + self.faults.beyond_start(),
+            ReplyFate::OnTime | ReplyFate::Lost => right_time,
         };
-        let is_late = matches!(fate, Fate::Late | Fate::Beyond);
+        let is_late = matches!(fate, ReplyFate::Late | ReplyFate::Beyond);
         let twin = self.faults.twin().map(|behind| (behind, frame.clone()));
         let node = &mut self.nodes[place];
         let start = wanted.max(node.busy_until);
@@ -685,11 +692,11 @@ mod tests {
         }
         assert_eq!(
             taken(&mut bus, ms(1_000)).len(),
-            Transmissions::MAX_WAITING * STANDSTILL.len()
+            DriveTransmissions::MAX_WAITING * STANDSTILL.len()
         );
         assert_eq!(
             bus.report().replies_lost,
-            1_000 - Transmissions::MAX_WAITING as u64
+            1_000 - DriveTransmissions::MAX_WAITING as u64
         );
     }
 }

@@ -1,13 +1,13 @@
 //! How a simulated bus behaves.
 
 use super::fault::FaultPlan;
-use super::transmissions::Delivery;
+use super::transmissions::BusDelivery;
 use crate::domain::link::Framing;
 use std::time::Duration;
 
 /// Whether characters take time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum Pacing {
+pub enum BusPacing {
     /// Every byte takes its character time, in both directions, and drives need their turnaround.
     #[default]
     CharacterTimes,
@@ -21,7 +21,7 @@ pub struct BusOptions {
     /// The framing.
     pub framing: Framing,
     /// Whether characters take time.
-    pub pacing: Pacing,
+    pub pacing: BusPacing,
     /// Time from the end of a request to the start of its reply.
     pub turnaround: Duration,
     /// Silence that the master must keep before a request, and that ends an RTU request. `None`: the maximum that a
@@ -29,7 +29,7 @@ pub struct BusOptions {
     /// 10 ms on an ASCII bus.
     pub silence: Option<Duration>,
     /// The pieces in which bytes are delivered to the master.
-    pub delivery: Delivery,
+    pub delivery: BusDelivery,
     /// The faults of replies.
     pub faults: FaultPlan,
 }
@@ -39,10 +39,10 @@ impl Default for BusOptions {
     fn default() -> Self {
         Self {
             framing: Framing::Rtu,
-            pacing: Pacing::CharacterTimes,
+            pacing: BusPacing::CharacterTimes,
             turnaround: Duration::from_millis(2),
             silence: None,
-            delivery: Delivery::default(),
+            delivery: BusDelivery::default(),
             faults: FaultPlan::NONE,
         }
     }

@@ -166,7 +166,7 @@ impl PlanError {
 
 /// The fate of a reply as a whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Fate {
+pub(super) enum ReplyFate {
     /// It arrives in time.
     OnTime,
     /// It arrives after the time-out.
@@ -179,7 +179,7 @@ pub(super) enum Fate {
 
 /// A plan with its random number generator.
 #[derive(Debug)]
-pub(super) struct Faults {
+pub(super) struct FaultGenerator {
     pub plan: FaultPlan,
     framing: Framing,
     /// Bits of a character that can be wrong.
@@ -191,7 +191,7 @@ pub(super) struct Faults {
     before: Vec<u8>,
 }
 
-impl Faults {
+impl FaultGenerator {
     pub fn new(plan: FaultPlan, framing: Framing, data_bits: u8, seed: u64) -> Self {
         Self {
             plan,
@@ -210,9 +210,9 @@ impl Faults {
 
     /// Draws the faults of one whole `reply` frame and applies them. The second value is the byte from which on it is
     /// delivered late, if any.
-    pub fn spoil(&mut self, reply: &mut Vec<u8>) -> (Fate, usize) {
+    pub fn spoil(&mut self, reply: &mut Vec<u8>) -> (ReplyFate, usize) {
         if self.hits(self.plan.lost) {
-            return (Fate::Lost, usize::MAX);
+            return (ReplyFate::Lost, usize::MAX);
         }
         let late = self.hits(self.plan.late);
         let beyond = self.hits(self.plan.beyond);
@@ -250,9 +250,9 @@ impl Faults {
             hole
         };
         let fate = match (late, beyond) {
-            (_, true) => Fate::Beyond,
-            (true, false) => Fate::Late,
-            (false, false) => Fate::OnTime,
+            (_, true) => ReplyFate::Beyond,
+            (true, false) => ReplyFate::Late,
+            (false, false) => ReplyFate::OnTime,
         };
         (fate, hole)
     }
@@ -423,14 +423,14 @@ mod tests {
     /// Reply to a read of one word: station 1, 60.00 Hz.
     const REPLY: [u8; 7] = [0x01, 0x03, 0x02, 0x17, 0x70, 0xB6, 0x50];
 
-    fn spoiled(plan: &str, seed: u64) -> (Fate, Vec<u8>) {
+    fn spoiled(plan: &str, seed: u64) -> (ReplyFate, Vec<u8>) {
         let mut reply = REPLY.to_vec();
         let (fate, _) = faults(plan, seed).spoil(&mut reply);
         (fate, reply)
     }
 
-    fn faults(plan: &str, seed: u64) -> Faults {
-        let mut faults = Faults::new(plan.parse().unwrap(), Framing::Rtu, 8, seed);
+    fn faults(plan: &str, seed: u64) -> FaultGenerator {
+        let mut faults = FaultGenerator::new(plan.parse().unwrap(), Framing::Rtu, 8, seed);
         faults.connect(REPLY[0]);
         faults
     }
@@ -484,9 +484,12 @@ mod tests {
     #[test]
     fn each_fault_does_what_it_says() {
         for seed in 0..500 {
-            assert_eq!(spoiled("lost=1000", seed).0, Fate::Lost);
-            assert_eq!(spoiled("late=1000", seed), (Fate::Late, REPLY.to_vec()));
-            assert_eq!(spoiled("", seed), (Fate::OnTime, REPLY.to_vec()));
+            assert_eq!(spoiled("lost=1000", seed).0, ReplyFate::Lost);
+            assert_eq!(
+                spoiled("late=1000", seed),
+                (ReplyFate::Late, REPLY.to_vec())
+            );
+            assert_eq!(spoiled("", seed), (ReplyFate::OnTime, REPLY.to_vec()));
 
             let (_, noisy) = spoiled("noise=1000", seed);
             assert!(noisy.ends_with(&REPLY) && (8..=15).contains(&noisy.len()));
@@ -529,7 +532,7 @@ mod tests {
         let reply = b":010302177073\r\n";
         let spoilt = |plan: &str, seed| {
             let mut text = reply.to_vec();
-            Faults::new(plan.parse().unwrap(), Framing::Ascii, 7, seed).spoil(&mut text);
+            FaultGenerator::new(plan.parse().unwrap(), Framing::Ascii, 7, seed).spoil(&mut text);
             text
         };
         for seed in 0..500 {
@@ -588,7 +591,7 @@ mod tests {
     fn chances_are_per_mille() {
         let mut faults = faults("lost=20", 1);
         let lost = (0..100_000)
-            .filter(|_| faults.spoil(&mut REPLY.to_vec()).0 == Fate::Lost)
+            .filter(|_| faults.spoil(&mut REPLY.to_vec()).0 == ReplyFate::Lost)
             .count();
         assert!((1_800..2_200).contains(&lost), "{lost}");
     }

@@ -12,12 +12,12 @@ const LONGEST_ASCII_HOLE: Duration = Duration::from_secs(1);
 
 /// Bytes of the master that form no complete request yet.
 #[derive(Debug)]
-pub(super) struct Incoming {
+pub(super) struct IncomingBytes {
     framing: Framing,
     bytes: Vec<u8>,
 }
 
-impl Incoming {
+impl IncomingBytes {
     pub fn new(framing: Framing) -> Self {
         Self {
             framing,

@@ -38,12 +38,12 @@ mod transmissions;
 pub mod trip;
 
 pub use bus::SimBus;
-pub use bus_options::{BusOptions, Pacing};
+pub use bus_options::{BusOptions, BusPacing};
 pub use drive::SimDrive;
 pub use fault::FaultPlan;
 pub use options::{BadRequest, DriveOptions, RefusedStops};
 pub use report::{BusReport, DriveReport};
-pub use transmissions::Delivery;
+pub use transmissions::BusDelivery;
 
 #[cfg(test)]
 mod ascii_tests;
@@ -102,10 +102,10 @@ mod testing {
 
     pub const UNPACED: BusOptions = BusOptions {
         framing: Framing::Rtu,
-        pacing: Pacing::None,
+        pacing: BusPacing::None,
         turnaround: Duration::ZERO,
         silence: None,
-        delivery: Delivery::Characters,
+        delivery: BusDelivery::Characters,
         faults: FaultPlan::NONE,
     };
 

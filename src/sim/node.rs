@@ -7,7 +7,7 @@ use std::time::Duration;
 
 /// A drive on the bus.
 #[derive(Debug)]
-pub(super) struct Node {
+pub(super) struct SimNode {
     pub station: Station,
     pub drive: SimDrive,
     pub exchanges: u64,
@@ -20,7 +20,7 @@ pub(super) struct Node {
     pauses_until: MonoTime,
 }
 
-impl Node {
+impl SimNode {
     pub fn new(station: Station, drive: SimDrive) -> Self {
         let never = MonoTime::ZERO;
         let pause = Duration::ZERO;

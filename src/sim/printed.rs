@@ -6,7 +6,7 @@ use super::*;
 use crate::domain::command::Direction;
 use crate::domain::ids::Station;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{Model, RefusedWrite, Role};
+use crate::profile::model::{Model, RefusedWrite, RegisterRole};
 use crate::wire::{pdu, rtu};
 use serde_json::Value;
 use std::sync::Arc;
@@ -304,7 +304,7 @@ fn a_drive_of_each_model_is_read_in_full_and_runs_and_stops() {
     let may_be_old = |model: &Model| model.write.refused.value == RefusedWrite::EchoMayBeOld;
     // The walk of the scenarios is for all models; here each order is one word by function 06.
     let is_plain = |model: &&Arc<Model>| {
-        let setpoint = model.register_for(Role::FrequencyCommand);
+        let setpoint = model.register_for(RegisterRole::FrequencyCommand);
         let is_plain = setpoint
             .is_some_and(|it| it.scale == 100 && it.form.is_plain() && it.access.can_write());
         let run = model
@@ -332,8 +332,8 @@ fn a_drive_of_each_model_is_read_in_full_and_runs_and_stops() {
         let run = model.run.as_ref().unwrap();
         let reverse = run.reverse.as_ref().unwrap().value;
         let roles = [
-            (Role::FrequencyCommand, 3000),
-            (crate::profile::model::Role::RunCommand, reverse),
+            (RegisterRole::FrequencyCommand, 3000),
+            (crate::profile::model::RegisterRole::RunCommand, reverse),
         ];
         for (role, value) in roles {
             let mut request = vec![6];

@@ -32,7 +32,7 @@ pub struct BusReport {
     pub bursts: u64,
     /// The shortest silence before a request.
     pub shortest_gap: Option<Duration>,
-    gaps: Gaps,
+    gaps: SilenceGaps,
 }
 
 /// Counters of one drive since its creation: forbidden writes, and its own actions.
@@ -50,9 +50,9 @@ pub struct DriveReport {
 
 /// Individual silences; too many to print.
 #[derive(Clone, Default)]
-struct Gaps(Vec<Duration>);
+struct SilenceGaps(Vec<Duration>);
 
-impl fmt::Debug for Gaps {
+impl fmt::Debug for SilenceGaps {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} gaps", self.0.len())
     }

@@ -16,7 +16,7 @@ const UNEXPECTED_CHARS: usize = 3;
 
 /// The pieces in which a paced bus delivers bytes to the master.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum Delivery {
+pub enum BusDelivery {
     /// Each character by itself, at its end.
     #[default]
     Characters,
@@ -27,7 +27,7 @@ pub enum Delivery {
 
 /// Bytes that a drive puts on the wire without a pause.
 #[derive(Debug)]
-pub(super) struct Transmission {
+pub(super) struct DriveTransmission {
     pub station: Station,
     pub start: MonoTime,
     pub end: MonoTime,
@@ -44,24 +44,24 @@ pub(super) struct Transmission {
 
 /// Transmissions in order of their start.
 #[derive(Debug)]
-pub(super) struct Transmissions {
+pub(super) struct DriveTransmissions {
     /// `None`: characters take no time.
     pace: Option<LinkSettings>,
-    delivery: Delivery,
+    delivery: BusDelivery,
     /// The last delivery of the adapter; nothing after it arrives sooner.
     handed_on: MonoTime,
-    waiting: Vec<Transmission>,
+    waiting: Vec<DriveTransmission>,
     /// The last delivered bytes, as far as an RTU frame may begin in them.
     newest: Vec<u8>,
     /// Empty buffers for reuse.
     spare: Vec<Vec<u8>>,
 }
 
-impl Transmissions {
+impl DriveTransmissions {
     /// Maximum number of waiting transmissions. More mean that the bus is not being read.
     pub const MAX_WAITING: usize = 64;
 
-    pub const fn new(pace: Option<LinkSettings>, delivery: Delivery) -> Self {
+    pub const fn new(pace: Option<LinkSettings>, delivery: BusDelivery) -> Self {
         Self {
             pace,
             delivery,
@@ -173,7 +173,7 @@ impl Transmissions {
         let place = self.waiting.partition_point(|other| other.start <= start);
         self.waiting.insert(
             place,
-            Transmission {
+            DriveTransmission {
                 station,
                 start,
                 end,
@@ -242,7 +242,7 @@ impl Transmissions {
     /// Whether the beginning of a frame was delivered, and the unsolicited `next` completes it to a valid frame after a pause
     /// that may be an adapter's: a truncated reply and the end of an earlier one then repeat the earlier one. No master can
     /// distinguish that from the reply it waits for.
-    fn makes_up_a_frame(&self, next: &Transmission) -> bool {
+    fn makes_up_a_frame(&self, next: &DriveTransmission) -> bool {
         if !next.yields || next.sent > 0 || next.start.since(self.handed_on) > HOLE_MAX {
             return false;
         }
@@ -297,7 +297,7 @@ impl Transmissions {
     }
 
     /// When the next byte of `drive` is complete.
-    fn due(&self, drive: &Transmission) -> MonoTime {
+    fn due(&self, drive: &DriveTransmission) -> MonoTime {
         let end = drive.start + self.time(self.upto(drive));
         if self.is_paced() && drive.sent >= drive.hole {
             end + HOLE
@@ -307,13 +307,13 @@ impl Transmissions {
     }
 
     /// The byte up to which `drive` is delivered next.
-    fn upto(&self, drive: &Transmission) -> usize {
+    fn upto(&self, drive: &DriveTransmission) -> usize {
         let length = drive.bytes.len();
         let upto = match self.delivery {
             _ if !self.is_paced() => return length,
-            Delivery::Characters => drive.sent + 1,
-            Delivery::Replies if drive.on_time => length,
-            Delivery::Replies => (drive.sent + UNEXPECTED_CHARS).min(length),
+            BusDelivery::Characters => drive.sent + 1,
+            BusDelivery::Replies if drive.on_time => length,
+            BusDelivery::Replies => (drive.sent + UNEXPECTED_CHARS).min(length),
         };
         if drive.sent < drive.hole {
             upto.min(drive.hole)
@@ -338,7 +338,7 @@ impl Transmissions {
 /// What two drives at the same time make of each other's characters: wrong ones while both talk, and of the
 /// second drive only what comes after the first one is done. Damage that leaves the check valid is not simulated: CRC-16
 /// accepts one badly damaged frame in 65,536, and no receiver can detect that.
-fn collide(link: LinkSettings, first: &mut Transmission, second: &mut Transmission) {
+fn collide(link: LinkSettings, first: &mut DriveTransmission, second: &mut DriveTransmission) {
     for n in first.sent..first.bytes.len() {
         if first.start + link.bytes(n + 1) > second.start {
             first.bytes[n] ^= 0x55;
@@ -368,7 +368,7 @@ mod tests {
         MonoTime::from_millis(millis)
     }
 
-    fn taken(transmissions: &mut Transmissions, at: MonoTime) -> Vec<(u64, u8)> {
+    fn taken(transmissions: &mut DriveTransmissions, at: MonoTime) -> Vec<(u64, u8)> {
         let mut bytes = Vec::new();
         transmissions.take(at, |due, byte| {
             bytes.push((due.as_nanos() / 1_000_000, byte[0]))
@@ -378,7 +378,7 @@ mod tests {
 
     #[test]
     fn damage_is_never_hidden_from_the_check() {
-        let frame = |start, bytes: &[u8]| Transmission {
+        let frame = |start, bytes: &[u8]| DriveTransmission {
             station: Station(1),
             start: ms(start),
             end: ms(start + bytes.len() as u64),
@@ -399,7 +399,7 @@ mod tests {
 
     #[test]
     fn two_drives_at_the_same_time_damage_each_other() {
-        let mut transmissions = Transmissions::new(Some(LINK), Delivery::Characters);
+        let mut transmissions = DriveTransmissions::new(Some(LINK), BusDelivery::Characters);
         assert_eq!(
             transmissions.add(Station(2), ms(102), false, vec![5, 6, 7, 8], usize::MAX),
             0
@@ -422,7 +422,7 @@ mod tests {
 
     #[test]
     fn a_burst_gives_way_to_anyone_who_talks() {
-        let mut transmissions = Transmissions::new(Some(LINK), Delivery::Characters);
+        let mut transmissions = DriveTransmissions::new(Some(LINK), BusDelivery::Characters);
         transmissions.add_yielding(Station(0), ms(100), vec![1, 2, 3, 4]);
         assert_eq!(
             transmissions.add(Station(1), ms(102), true, vec![7, 8], usize::MAX),
@@ -442,7 +442,7 @@ mod tests {
     fn a_burst_does_not_end_what_was_cut_off_within_an_adapters_hole() {
         let reply = [0x01, 0x03, 0x02, 0x17, 0x70, 0xB6, 0x50];
         for (pause, is_heard) in [(0, false), (20, false), (21, true)] {
-            let mut transmissions = Transmissions::new(Some(LINK), Delivery::Replies);
+            let mut transmissions = DriveTransmissions::new(Some(LINK), BusDelivery::Replies);
             transmissions.add(Station(1), ms(100), false, reply[..3].to_vec(), usize::MAX);
             transmissions.add_yielding(Station(0), ms(103 + pause), reply[3..].to_vec());
             let mut count = 0;
@@ -453,7 +453,7 @@ mod tests {
 
     #[test]
     fn one_that_is_switched_off_stops_after_its_last_whole_character() {
-        let mut transmissions = Transmissions::new(Some(LINK), Delivery::Characters);
+        let mut transmissions = DriveTransmissions::new(Some(LINK), BusDelivery::Characters);
         transmissions.add(Station(1), ms(100), true, vec![1, 2, 3, 4], usize::MAX);
         transmissions.add(Station(1), ms(300), false, vec![9], usize::MAX);
         assert_eq!(taken(&mut transmissions, ms(101)), [(101, 1)]);

@@ -5,7 +5,7 @@ pub const RECORDS: usize = 16;
 
 /// One trip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct TripRecord {
+pub struct SimTripRecord {
     /// The drive's number for the cause.
     pub cause: u16,
     /// Output frequency at the trip in microhertz, negative in reverse.
@@ -20,7 +20,7 @@ pub struct TripRecord {
 #[derive(Clone, Debug, Default)]
 pub struct TripLog {
     count: u16,
-    records: [TripRecord; RECORDS],
+    records: [SimTripRecord; RECORDS],
 }
 
 impl TripLog {
@@ -31,7 +31,7 @@ impl TripLog {
     }
 
     /// Makes `record` the newest; the oldest one is forgotten.
-    pub fn push(&mut self, record: TripRecord) {
+    pub fn push(&mut self, record: SimTripRecord) {
         self.count = self.count.wrapping_add(1);
         self.records.rotate_right(1);
         self.records[0] = record;
@@ -39,13 +39,13 @@ impl TripLog {
 
     /// The newest record.
     #[must_use]
-    pub const fn newest(&self) -> TripRecord {
+    pub const fn newest(&self) -> SimTripRecord {
         self.records[0]
     }
 
     /// The record of the trip `back` trips before the newest one; `None` beyond the last.
     #[must_use]
-    pub fn record(&self, back: usize) -> Option<TripRecord> {
+    pub fn record(&self, back: usize) -> Option<SimTripRecord> {
         self.records.get(back).copied()
     }
 }
@@ -58,7 +58,7 @@ mod tests {
     fn the_newest_record_pushes_the_others_back() {
         let mut log = TripLog::default();
         for cause in 1..=18 {
-            log.push(TripRecord {
+            log.push(SimTripRecord {
                 cause,
                 frequency: 60_000_000,
                 current: 5_500_000,

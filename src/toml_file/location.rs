@@ -5,14 +5,14 @@ use std::ops::Range;
 
 /// The location of a key or value in a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Location {
+pub struct KeyLocation {
     /// The key as a path, `line[0].drive[2].station`; empty for the file itself.
     pub key: String,
     /// Bytes of the text; empty at 0 for the file itself.
     pub span: Range<usize>,
 }
 
-impl Location {
+impl KeyLocation {
     /// A problem at this location.
     #[must_use]
     pub fn problem(&self, what: impl Into<String>) -> Problem {
@@ -46,11 +46,11 @@ impl Location {
 
 /// A value and its location.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Spanned<T> {
+pub struct LocatedValue<T> {
     /// The value.
     pub value: T,
     /// Its location.
-    pub location: Location,
+    pub location: KeyLocation,
 }
 
 /// The result of reading an optional key.
@@ -61,12 +61,12 @@ pub enum OptionalKey<T> {
     /// The file has the key with an invalid value. The problem is already reported.
     Invalid,
     /// The file has the key with a valid value.
-    Valid(Spanned<T>),
+    Valid(LocatedValue<T>),
 }
 
 impl<T> OptionalKey<T> {
     /// The value if it is present and valid.
-    pub const fn valid(&self) -> Option<&Spanned<T>> {
+    pub const fn valid(&self) -> Option<&LocatedValue<T>> {
         match self {
             Self::Valid(written) => Some(written),
             Self::Absent | Self::Invalid => None,
@@ -95,4 +95,4 @@ impl<T: Clone> OptionalKey<T> {
 }
 
 /// The result of reading a required key. `None`: the problem is already reported.
-pub type RequiredKey<T> = Option<Spanned<T>>;
+pub type RequiredKey<T> = Option<LocatedValue<T>>;

@@ -1,12 +1,12 @@
 //! Reads a TOML document table by table and reports every mistake, each with its location.
 //!
-//! A caller asks a [`Reader`] for each key by name and passes a [`values::Kind`] that says which values are valid.
-//! Mistakes go into the list of problems, and reading goes on. [`Reader::finish`] then reports each key that the
+//! A caller asks a [`TableReader`] for each key by name and passes a [`values::ValueKind`] that says which values are valid.
+//! Mistakes go into the list of problems, and reading goes on. [`TableReader::finish`] then reports each key that the
 //! caller did not ask for.
 //!
 //! ```
-//! use vfd_gateway::toml_file::{Reader, document};
-//! use vfd_gateway::toml_file::values::Kind;
+//! use vfd_gateway::toml_file::{TableReader, document};
+//! use vfd_gateway::toml_file::values::ValueKind;
 //!
 //! let mut problems = Vec::new();
 //! if let Some(root) = document("baud = 0\nparrot = 'none'", &mut problems) {
@@ -27,5 +27,5 @@ pub mod values;
 pub mod words;
 pub mod written;
 
-pub use location::{Location, OptionalKey, RequiredKey, Spanned};
-pub use reader::{Document, Entry, Reader, Section, document};
+pub use location::{KeyLocation, LocatedValue, OptionalKey, RequiredKey};
+pub use reader::{TableReader, TomlDocument, TomlEntry, TomlSection, document};

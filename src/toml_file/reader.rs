@@ -2,17 +2,17 @@
 
 #[cfg(test)]
 use super::key_uses::{self, Form};
-use super::location::{Location, OptionalKey, RequiredKey, Spanned};
-use super::values::{Kind, kind_of};
+use super::location::{KeyLocation, LocatedValue, OptionalKey, RequiredKey};
+use super::values::{ValueKind, kind_of};
 use crate::domain::problem::{Problem, nearest};
 use toml::de::{DeTable, DeValue};
 
 /// A parsed document.
-pub struct Document<'a> {
+pub struct TomlDocument<'a> {
     root: serde_spanned::Spanned<DeTable<'a>>,
 }
 
-impl<'a> Document<'a> {
+impl<'a> TomlDocument<'a> {
     /// The document whose outermost table is `table`.
     #[must_use]
     pub fn of(table: DeTable<'a>) -> Self {
@@ -29,10 +29,10 @@ impl<'a> Document<'a> {
 
     /// The outermost table.
     #[must_use]
-    pub fn section(&self) -> Section<'_> {
-        Section {
+    pub fn section(&self) -> TomlSection<'_> {
+        TomlSection {
             table: self.root.get_ref(),
-            location: Location {
+            location: KeyLocation {
                 key: String::new(),
                 span: 0..0,
             },
@@ -41,36 +41,36 @@ impl<'a> Document<'a> {
 }
 
 /// Parses `text`. Returns `None` if it is not TOML; each syntax error is then in `problems`, with an empty key.
-pub fn document<'a>(text: &'a str, problems: &mut Vec<Problem>) -> Option<Document<'a>> {
+pub fn document<'a>(text: &'a str, problems: &mut Vec<Problem>) -> Option<TomlDocument<'a>> {
     let (root, errors) = DeTable::parse_recoverable(text);
     let sound = errors.is_empty();
     problems.extend(errors.into_iter().map(|error| {
         let what = format!("not valid TOML: {}", error.message().replace('\n', ", "));
         Problem::new("", error.span().unwrap_or(0..0), what)
     }));
-    sound.then_some(Document { root })
+    sound.then_some(TomlDocument { root })
 }
 
 /// A value or a table.
-pub enum Entry<'a, T> {
+pub enum TomlEntry<'a, T> {
     /// A value.
-    Value(Spanned<T>),
+    Value(LocatedValue<T>),
     /// A table.
-    Table(Section<'a>),
+    Table(TomlSection<'a>),
 }
 
 /// A table of a document and its location.
 #[derive(Clone, Debug)]
-pub struct Section<'a> {
+pub struct TomlSection<'a> {
     /// The table.
     pub table: &'a DeTable<'a>,
     /// Where it stands.
-    pub location: Location,
+    pub location: KeyLocation,
 }
 
-/// Reads one table. Ask for every key that the table may have, then call [`Reader::finish`].
-pub struct Reader<'a, 'p> {
-    section: Section<'a>,
+/// Reads one table. Ask for every key that the table may have, then call [`TableReader::finish`].
+pub struct TableReader<'a, 'p> {
+    section: TomlSection<'a>,
     problems: &'p mut Vec<Problem>,
     /// Keys that the caller asked for, in that order.
     valid: Vec<&'static str>,
@@ -78,9 +78,9 @@ pub struct Reader<'a, 'p> {
     refused: Vec<&'static str>,
 }
 
-impl<'a, 'p> Reader<'a, 'p> {
+impl<'a, 'p> TableReader<'a, 'p> {
     /// A reader of `section` that reports into `problems`.
-    pub const fn new(section: Section<'a>, problems: &'p mut Vec<Problem>) -> Self {
+    pub const fn new(section: TomlSection<'a>, problems: &'p mut Vec<Problem>) -> Self {
         Self {
             section,
             problems,
@@ -91,13 +91,13 @@ impl<'a, 'p> Reader<'a, 'p> {
 
     /// The location of the table.
     #[must_use]
-    pub const fn location(&self) -> &Location {
+    pub const fn location(&self) -> &KeyLocation {
         &self.section.location
     }
 
     /// The table.
     #[must_use]
-    pub const fn section(&self) -> &Section<'a> {
+    pub const fn section(&self) -> &TomlSection<'a> {
         &self.section
     }
 
@@ -114,8 +114,8 @@ impl<'a, 'p> Reader<'a, 'p> {
     }
 
     /// A reader of a table inside this one, from [`Self::table`] or [`Self::tables`].
-    pub const fn open(&mut self, section: Section<'a>) -> Reader<'a, '_> {
-        Reader::new(section, self.problems)
+    pub const fn open(&mut self, section: TomlSection<'a>) -> TableReader<'a, '_> {
+        TableReader::new(section, self.problems)
     }
 
     /// The list that problems go to, for checks of the caller's own.
@@ -124,7 +124,7 @@ impl<'a, 'p> Reader<'a, 'p> {
     }
 
     /// The value of the required key `key`.
-    pub fn required<T>(&mut self, key: &'static str, kind: &Kind<'_, T>) -> RequiredKey<T> {
+    pub fn required<T>(&mut self, key: &'static str, kind: &ValueKind<'_, T>) -> RequiredKey<T> {
         #[cfg(test)]
         self.note(key, Form::Value, true, kind.right());
         let Some(found) = self.find(key) else {
@@ -135,7 +135,7 @@ impl<'a, 'p> Reader<'a, 'p> {
     }
 
     /// The value of the optional key `key`.
-    pub fn optional<T>(&mut self, key: &'static str, kind: &Kind<'_, T>) -> OptionalKey<T> {
+    pub fn optional<T>(&mut self, key: &'static str, kind: &ValueKind<'_, T>) -> OptionalKey<T> {
         #[cfg(test)]
         self.note(key, Form::Value, false, kind.right());
         match self.find(key) {
@@ -151,8 +151,8 @@ impl<'a, 'p> Reader<'a, 'p> {
     pub fn list<T>(
         &mut self,
         key: &'static str,
-        kind: &Kind<'_, T>,
-    ) -> OptionalKey<Vec<Spanned<T>>> {
+        kind: &ValueKind<'_, T>,
+    ) -> OptionalKey<Vec<LocatedValue<T>>> {
         #[cfg(test)]
         self.note(key, Form::List, false, kind.right());
         match self.find(key) {
@@ -167,8 +167,8 @@ impl<'a, 'p> Reader<'a, 'p> {
     pub fn required_list<T>(
         &mut self,
         key: &'static str,
-        kind: &Kind<'_, T>,
-    ) -> RequiredKey<Vec<Spanned<T>>> {
+        kind: &ValueKind<'_, T>,
+    ) -> RequiredKey<Vec<LocatedValue<T>>> {
         #[cfg(test)]
         self.note(key, Form::List, true, kind.right());
         let Some(found) = self.find(key) else {
@@ -179,13 +179,13 @@ impl<'a, 'p> Reader<'a, 'p> {
     }
 
     /// The optional table `key`.
-    pub fn table(&mut self, key: &'static str) -> OptionalKey<Section<'a>> {
+    pub fn table(&mut self, key: &'static str) -> OptionalKey<TomlSection<'a>> {
         #[cfg(test)]
         self.note(key, Form::Table, false, "");
         match self.find(key) {
             None => OptionalKey::Absent,
             Some(found) => match self.as_section(found) {
-                Some(section) => OptionalKey::Valid(Spanned {
+                Some(section) => OptionalKey::Valid(LocatedValue {
                     location: section.location.clone(),
                     value: section,
                 }),
@@ -198,27 +198,27 @@ impl<'a, 'p> Reader<'a, 'p> {
     pub fn value_or_table<T>(
         &mut self,
         key: &'static str,
-        kind: &Kind<'_, T>,
-    ) -> OptionalKey<Entry<'a, T>> {
+        kind: &ValueKind<'_, T>,
+    ) -> OptionalKey<TomlEntry<'a, T>> {
         #[cfg(test)]
         self.note(key, Form::ValueOrTable, false, kind.right());
         match self.find(key) {
             None => OptionalKey::Absent,
             Some((location, DeValue::Table(table))) => {
-                let section = Section {
+                let section = TomlSection {
                     table,
                     location: location.clone(),
                 };
-                OptionalKey::Valid(Spanned {
-                    value: Entry::Table(section),
+                OptionalKey::Valid(LocatedValue {
+                    value: TomlEntry::Table(section),
                     location,
                 })
             }
             Some(found) => match self.read(found, kind) {
                 Some(value) => {
                     let location = value.location.clone();
-                    OptionalKey::Valid(Spanned {
-                        value: Entry::Value(value),
+                    OptionalKey::Valid(LocatedValue {
+                        value: TomlEntry::Value(value),
                         location,
                     })
                 }
@@ -232,8 +232,8 @@ impl<'a, 'p> Reader<'a, 'p> {
     pub fn values_or_tables<T>(
         &mut self,
         key: &'static str,
-        kind: &Kind<'_, T>,
-    ) -> OptionalKey<Vec<Entry<'a, T>>> {
+        kind: &ValueKind<'_, T>,
+    ) -> OptionalKey<Vec<TomlEntry<'a, T>>> {
         let right = format!("{}, or a table", kind.right());
         #[cfg(test)]
         self.note(key, Form::List, false, &right);
@@ -253,15 +253,15 @@ impl<'a, 'p> Reader<'a, 'p> {
         for (index, element) in elements.iter().enumerate() {
             let place = location.element(index, element.span());
             list.extend(match element.get_ref() {
-                DeValue::Table(table) => Some(Entry::Table(Section {
+                DeValue::Table(table) => Some(TomlEntry::Table(TomlSection {
                     table,
                     location: place,
                 })),
-                value => self.read((place, value), kind).map(Entry::Value),
+                value => self.read((place, value), kind).map(TomlEntry::Value),
             });
         }
         if list.len() == elements.len() {
-            OptionalKey::Valid(Spanned {
+            OptionalKey::Valid(LocatedValue {
                 value: list,
                 location,
             })
@@ -271,7 +271,7 @@ impl<'a, 'p> Reader<'a, 'p> {
     }
 
     /// The required table `key`.
-    pub fn required_table(&mut self, key: &'static str) -> Option<Section<'a>> {
+    pub fn required_table(&mut self, key: &'static str) -> Option<TomlSection<'a>> {
         #[cfg(test)]
         self.note(key, Form::Table, true, "");
         let Some(found) = self.find(key) else {
@@ -282,7 +282,7 @@ impl<'a, 'p> Reader<'a, 'p> {
     }
 
     /// The tables `[[key]]` in the order of the file; empty if there are none.
-    pub fn tables(&mut self, key: &'static str) -> Vec<Section<'a>> {
+    pub fn tables(&mut self, key: &'static str) -> Vec<TomlSection<'a>> {
         #[cfg(test)]
         self.note(key, Form::Tables, false, "");
         let Some((location, value)) = self.find(key) else {
@@ -307,7 +307,7 @@ impl<'a, 'p> Reader<'a, 'p> {
 
     /// The values of all keys, for a table whose keys the author of the file chooses. Invalid values are reported
     /// and omitted.
-    pub fn all<T>(self, kind: &Kind<'_, T>) -> Vec<(String, Spanned<T>)> {
+    pub fn all<T>(self, kind: &ValueKind<'_, T>) -> Vec<(String, LocatedValue<T>)> {
         #[cfg(test)]
         self.note(key_uses::ANY, Form::Value, false, kind.right());
         let table = self.section.table;
@@ -322,7 +322,7 @@ impl<'a, 'p> Reader<'a, 'p> {
     }
 
     /// The tables and values of all keys; otherwise as [`Self::all`].
-    pub fn entries<T>(&mut self, kind: &Kind<'_, T>) -> Vec<(String, Entry<'a, T>)> {
+    pub fn entries<T>(&mut self, kind: &ValueKind<'_, T>) -> Vec<(String, TomlEntry<'a, T>)> {
         #[cfg(test)]
         self.note(key_uses::ANY, Form::ValueOrTable, false, kind.right());
         let table = self.section.table;
@@ -330,8 +330,8 @@ impl<'a, 'p> Reader<'a, 'p> {
         for (key, value) in table {
             let location = self.section.location.inner(key.get_ref(), value.span());
             let entry = match value.get_ref() {
-                DeValue::Table(table) => Some(Entry::Table(Section { table, location })),
-                value => read_value(location, value, kind, self.problems).map(Entry::Value),
+                DeValue::Table(table) => Some(TomlEntry::Table(TomlSection { table, location })),
+                value => read_value(location, value, kind, self.problems).map(TomlEntry::Value),
             };
             entries.extend(entry.map(|entry| (key.get_ref().to_string(), entry)));
         }
@@ -339,7 +339,10 @@ impl<'a, 'p> Reader<'a, 'p> {
     }
 
     /// The lists of all keys; otherwise as [`Self::all`].
-    pub fn all_lists<T>(mut self, kind: &Kind<'_, T>) -> Vec<(String, Spanned<Vec<Spanned<T>>>)> {
+    pub fn all_lists<T>(
+        mut self,
+        kind: &ValueKind<'_, T>,
+    ) -> Vec<(String, LocatedValue<Vec<LocatedValue<T>>>)> {
         #[cfg(test)]
         self.note(key_uses::ANY, Form::List, false, kind.right());
         let table = self.section.table;
@@ -386,7 +389,7 @@ impl<'a, 'p> Reader<'a, 'p> {
         key_uses::note(&self.section.location.key, key, form, is_required, right);
     }
 
-    fn find(&mut self, key: &'static str) -> Option<(Location, &'a DeValue<'a>)> {
+    fn find(&mut self, key: &'static str) -> Option<(KeyLocation, &'a DeValue<'a>)> {
         self.valid.push(key);
         let value = self.section.table.get(key)?;
         Some((
@@ -403,17 +406,17 @@ impl<'a, 'p> Reader<'a, 'p> {
 
     fn read<T>(
         &mut self,
-        (location, value): (Location, &DeValue<'_>),
-        kind: &Kind<'_, T>,
+        (location, value): (KeyLocation, &DeValue<'_>),
+        kind: &ValueKind<'_, T>,
     ) -> RequiredKey<T> {
         read_value(location, value, kind, self.problems)
     }
 
     fn read_list<T>(
         &mut self,
-        (location, value): (Location, &DeValue<'_>),
-        kind: &Kind<'_, T>,
-    ) -> RequiredKey<Vec<Spanned<T>>> {
+        (location, value): (KeyLocation, &DeValue<'_>),
+        kind: &ValueKind<'_, T>,
+    ) -> RequiredKey<Vec<LocatedValue<T>>> {
         let DeValue::Array(elements) = value else {
             let what = format!("must be a list, not {}", kind_of(value));
             self.problems.push(
@@ -430,7 +433,7 @@ impl<'a, 'p> Reader<'a, 'p> {
                 kind,
             ));
         }
-        (list.len() == elements.len()).then_some(Spanned {
+        (list.len() == elements.len()).then_some(LocatedValue {
             value: list,
             location,
         })
@@ -438,10 +441,10 @@ impl<'a, 'p> Reader<'a, 'p> {
 
     fn as_section(
         &mut self,
-        (location, value): (Location, &'a DeValue<'a>),
-    ) -> Option<Section<'a>> {
+        (location, value): (KeyLocation, &'a DeValue<'a>),
+    ) -> Option<TomlSection<'a>> {
         if let DeValue::Table(table) = value {
-            return Some(Section { table, location });
+            return Some(TomlSection { table, location });
         }
         let problem = location.problem(format!("must be a table, not {}", kind_of(value)));
         self.problems.push(problem.right("a table: `{ ... }`"));
@@ -450,13 +453,13 @@ impl<'a, 'p> Reader<'a, 'p> {
 }
 
 fn read_value<T>(
-    location: Location,
+    location: KeyLocation,
     value: &DeValue<'_>,
-    kind: &Kind<'_, T>,
+    kind: &ValueKind<'_, T>,
     problems: &mut Vec<Problem>,
 ) -> RequiredKey<T> {
     match kind.read(value) {
-        Ok(value) => Some(Spanned { value, location }),
+        Ok(value) => Some(LocatedValue { value, location }),
         Err(wrong) => {
             let right = wrong.right.unwrap_or_else(|| kind.right().to_owned());
             problems.push(location.problem(wrong.what).right(right));
@@ -469,10 +472,10 @@ fn read_value<T>(
 mod tests {
     use super::*;
 
-    fn problems_of(text: &str, read: impl FnOnce(&mut Reader<'_, '_>)) -> String {
+    fn problems_of(text: &str, read: impl FnOnce(&mut TableReader<'_, '_>)) -> String {
         let mut problems = Vec::new();
         if let Some(document) = document(text, &mut problems) {
-            let mut reader = Reader::new(document.section(), &mut problems);
+            let mut reader = TableReader::new(document.section(), &mut problems);
             read(&mut reader);
             reader.finish();
         }
@@ -492,20 +495,20 @@ mod tests {
     fn every_mistake_is_reported_with_its_place() {
         let text = "buad = 1\nname = 5\n[[line]]\nsize = 'x'\n[[line]]\n[one]\nlist = [1, 'b', 300]\nold = 1\n";
         let found = problems_of(text, |reader| {
-            assert_eq!(reader.required("name", &Kind::text()), None);
+            assert_eq!(reader.required("name", &ValueKind::text()), None);
             assert_eq!(
-                reader.optional("baud", &Kind::number(1..=9_u8)),
+                reader.optional("baud", &ValueKind::number(1..=9_u8)),
                 OptionalKey::Absent
             );
             for section in reader.tables("line") {
                 let mut line = reader.open(section);
-                assert_eq!(line.required("size", &Kind::number(1..=9_u8)), None);
+                assert_eq!(line.required("size", &ValueKind::number(1..=9_u8)), None);
                 line.finish();
             }
             let one = reader.required_table("one").unwrap();
             let mut one = reader.open(one);
             assert_eq!(
-                one.list("list", &Kind::number(0..=255_u8)),
+                one.list("list", &ValueKind::number(0..=255_u8)),
                 OptionalKey::Invalid
             );
             one.refuse("old", "`old` does nothing", "leave it out");
@@ -537,8 +540,8 @@ mod tests {
         let found = problems_of("a = 1\nb = 2\nc = 3\n", |reader| {
             assert!(reader.tables("a").is_empty());
             assert!(matches!(reader.table("b"), OptionalKey::Invalid));
-            assert!(reader.required_list("c", &Kind::flag()).is_none());
-            assert!(reader.required_list("d", &Kind::flag()).is_none());
+            assert!(reader.required_list("c", &ValueKind::flag()).is_none());
+            assert!(reader.required_list("d", &ValueKind::flag()).is_none());
         });
         let expected = "\
 1:5 a: must be a list of tables, not a whole number -> headers in double brackets: `[[a]]`
@@ -553,7 +556,7 @@ mod tests {
     fn a_table_of_free_keys_is_read_whole() {
         let mut problems = Vec::new();
         let document = document("x = 'a'\ny = 1\nz = 'b'\n", &mut problems).unwrap();
-        let all = Reader::new(document.section(), &mut problems).all(&Kind::text());
+        let all = TableReader::new(document.section(), &mut problems).all(&ValueKind::text());
         let all: Vec<_> = all
             .iter()
             .map(|(key, text)| (key.as_str(), text.value.as_str()))

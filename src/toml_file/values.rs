@@ -8,14 +8,14 @@ use toml::de::DeValue;
 
 /// What is wrong with a value.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Wrong {
+pub struct WrongValue {
     /// The mistake, in one sentence.
     pub what: String,
     /// What would be right, if that is more precise than the kind's own sentence.
     pub right: Option<String>,
 }
 
-impl Wrong {
+impl WrongValue {
     /// A mistake with the description `what`.
     #[must_use]
     pub fn new(what: impl Into<String>) -> Self {
@@ -39,14 +39,14 @@ fn quoted(text: &str) -> String {
 }
 
 /// A kind of value: how it is read, and what is right for it, in words.
-pub struct Kind<'k, T> {
+pub struct ValueKind<'k, T> {
     right: String,
     read: Box<Read<'k, T>>,
 }
 
-type Read<'k, T> = dyn Fn(&DeValue<'_>) -> Result<T, Wrong> + 'k;
+type Read<'k, T> = dyn Fn(&DeValue<'_>) -> Result<T, WrongValue> + 'k;
 
-impl<'k, T: 'k> Kind<'k, T> {
+impl<'k, T: 'k> ValueKind<'k, T> {
     /// What is right, as it follows "right would be": `a whole number from 1 to 9`.
     #[must_use]
     pub fn right(&self) -> &str {
@@ -57,7 +57,7 @@ impl<'k, T: 'k> Kind<'k, T> {
     ///
     /// # Errors
     /// The value is of another kind or out of range.
-    pub fn read(&self, value: &DeValue<'_>) -> Result<T, Wrong> {
+    pub fn read(&self, value: &DeValue<'_>) -> Result<T, WrongValue> {
         (self.read)(value)
     }
 
@@ -65,14 +65,14 @@ impl<'k, T: 'k> Kind<'k, T> {
     pub fn parsed(right: impl Into<String>, parse: impl Fn(&str) -> Option<T> + 'k) -> Self {
         Self::new(right.into(), move |value| {
             let text = as_text(value)?;
-            parse(text).ok_or_else(|| Wrong::new(format!("{} is not valid", quoted(text))))
+            parse(text).ok_or_else(|| WrongValue::new(format!("{} is not valid", quoted(text))))
         })
     }
 
     /// This kind, or the word `word`, which is read as `None`.
     #[must_use]
-    pub fn or_word(self, word: &'static str) -> Kind<'k, Option<T>> {
-        Kind::new(
+    pub fn or_word(self, word: &'static str) -> ValueKind<'k, Option<T>> {
+        ValueKind::new(
             format!("\"{word}\" or {}", self.right),
             move |value| match value {
                 DeValue::String(text) if text == word => Ok(None),
@@ -81,7 +81,7 @@ impl<'k, T: 'k> Kind<'k, T> {
         )
     }
 
-    fn new(right: String, read: impl Fn(&DeValue<'_>) -> Result<T, Wrong> + 'k) -> Self {
+    fn new(right: String, read: impl Fn(&DeValue<'_>) -> Result<T, WrongValue> + 'k) -> Self {
         Self {
             right,
             read: Box::new(read),
@@ -89,7 +89,7 @@ impl<'k, T: 'k> Kind<'k, T> {
     }
 }
 
-impl<'k, T: Copy + 'k> Kind<'k, T> {
+impl<'k, T: Copy + 'k> ValueKind<'k, T> {
     /// One of `words`, each of which stands for a value.
     #[must_use]
     pub fn one_of(words: &'k [(&'k str, T)]) -> Self {
@@ -108,7 +108,7 @@ impl<'k, T: Copy + 'k> Kind<'k, T> {
                 return Ok(*found);
             }
             let near = nearest(text, words.iter().map(|(word, _)| *word));
-            Err(Wrong {
+            Err(WrongValue {
                 what: format!("{} is not an allowed value", quoted(text)),
                 right: near.map(|near| format!("\"{near}\"")),
             })
@@ -116,7 +116,7 @@ impl<'k, T: Copy + 'k> Kind<'k, T> {
     }
 }
 
-impl<'k, T: Copy + 'k> Kind<'k, T> {
+impl<'k, T: Copy + 'k> ValueKind<'k, T> {
     /// One of `words`, each of which stands for a value that `means` something. For what decides what a motor does and who
     /// moves it: a word that is none of them is answered with all of them and their meanings, never with the nearest.
     #[must_use]
@@ -135,12 +135,12 @@ impl<'k, T: Copy + 'k> Kind<'k, T> {
             let found = words.iter().find(|(word, _)| *word == text);
             found
                 .map(|(_, value)| *value)
-                .ok_or_else(|| Wrong::new(format!("{} is not an allowed value", quoted(text))))
+                .ok_or_else(|| WrongValue::new(format!("{} is not an allowed value", quoted(text))))
         })
     }
 }
 
-impl<'k, T: Copy + TryFrom<i64> + Into<i64> + Display + 'k> Kind<'k, T> {
+impl<'k, T: Copy + TryFrom<i64> + Into<i64> + Display + 'k> ValueKind<'k, T> {
     /// A whole number in `range`.
     #[must_use]
     pub fn number(range: RangeInclusive<T>) -> Self {
@@ -149,7 +149,7 @@ impl<'k, T: Copy + TryFrom<i64> + Into<i64> + Display + 'k> Kind<'k, T> {
     }
 }
 
-impl Kind<'_, u16> {
+impl ValueKind<'_, u16> {
     /// An address of a register, best written in hexadecimal.
     #[must_use]
     pub fn address() -> Self {
@@ -159,26 +159,26 @@ impl Kind<'_, u16> {
     }
 }
 
-impl Kind<'_, String> {
+impl ValueKind<'_, String> {
     /// Text that is not blank.
     #[must_use]
     pub fn text() -> Self {
         Self::new("text, not empty".to_owned(), |value| {
             match as_text(value)?.trim() {
-                "" => Err(Wrong::new("is empty")),
+                "" => Err(WrongValue::new("is empty")),
                 text => Ok(text.to_owned()),
             }
         })
     }
 }
 
-impl Kind<'_, bool> {
+impl ValueKind<'_, bool> {
     /// `true` or `false`.
     #[must_use]
     pub fn flag() -> Self {
         Self::new("true or false".to_owned(), |value| match value {
             DeValue::Boolean(flag) => Ok(*flag),
-            other => Err(Wrong::new(format!(
+            other => Err(WrongValue::new(format!(
                 "must be true or false, not {}",
                 kind_of(other)
             ))),
@@ -186,7 +186,7 @@ impl Kind<'_, bool> {
     }
 }
 
-impl Kind<'_, f64> {
+impl ValueKind<'_, f64> {
     /// A number in `range`, with or without a decimal point.
     #[must_use]
     pub fn decimal(range: RangeInclusive<f64>) -> Self {
@@ -197,20 +197,20 @@ impl Kind<'_, f64> {
                     DeValue::Float(float) => float.as_str(),
                     DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str(),
                     other => {
-                        return Err(Wrong::new(format!(
+                        return Err(WrongValue::new(format!(
                             "must be a number, not {}",
                             kind_of(other)
                         )));
                     }
                 };
                 let number = text.parse().ok().filter(|number| range.contains(number));
-                number.ok_or_else(|| Wrong::new(format!("{text} is out of range")))
+                number.ok_or_else(|| WrongValue::new(format!("{text} is out of range")))
             },
         )
     }
 }
 
-impl Kind<'_, Duration> {
+impl ValueKind<'_, Duration> {
     /// A time in `range`, as text with its unit: `500ms`, `5s`, `10min`, `1h`.
     #[must_use]
     pub fn duration(range: RangeInclusive<Duration>) -> Self {
@@ -220,17 +220,17 @@ impl Kind<'_, Duration> {
             format!("a time from \"{least}\" to \"{most}\""),
             move |value| {
                 let DeValue::String(text) = value else {
-                    return Err(Wrong::new(format!(
+                    return Err(WrongValue::new(format!(
                         "must be a time with its unit as text, not {}",
                         kind_of(value)
                     )));
                 };
                 match parse_duration(text) {
-                    None => Err(Wrong::new(format!(
+                    None => Err(WrongValue::new(format!(
                         "`{text}` is not a time; the units are ms, s, min, h"
                     ))),
                     Some(time) if !range.contains(&time) => {
-                        Err(Wrong::new(format!("{text} is out of range")))
+                        Err(WrongValue::new(format!("{text} is out of range")))
                     }
                     Some(time) => Ok(time),
                 }
@@ -277,18 +277,18 @@ pub(super) const fn kind_of(value: &DeValue<'_>) -> &'static str {
     }
 }
 
-fn as_text<'v>(value: &'v DeValue<'_>) -> Result<&'v str, Wrong> {
+fn as_text<'v>(value: &'v DeValue<'_>) -> Result<&'v str, WrongValue> {
     value
         .as_str()
-        .ok_or_else(|| Wrong::new(format!("must be text, not {}", kind_of(value))))
+        .ok_or_else(|| WrongValue::new(format!("must be text, not {}", kind_of(value))))
 }
 
 fn in_range<T: Copy + TryFrom<i64> + Into<i64>>(
     value: &DeValue<'_>,
     range: &RangeInclusive<T>,
-) -> Result<T, Wrong> {
+) -> Result<T, WrongValue> {
     let DeValue::Integer(integer) = value else {
-        return Err(Wrong::new(format!(
+        return Err(WrongValue::new(format!(
             "must be a whole number, not {}",
             kind_of(value)
         )));
@@ -298,21 +298,21 @@ fn in_range<T: Copy + TryFrom<i64> + Into<i64>>(
     let number = number
         .filter(|number| (least..=most).contains(number))
         .and_then(|number| T::try_from(number).ok());
-    number.ok_or_else(|| Wrong::new(format!("{integer} is out of range")))
+    number.ok_or_else(|| WrongValue::new(format!("{integer} is out of range")))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn read<T>(kind: &Kind<'_, T>, text: &str) -> Result<T, String> {
+    fn read<T>(kind: &ValueKind<'_, T>, text: &str) -> Result<T, String> {
         let value = DeValue::parse(text).unwrap();
         kind.read(value.get_ref()).map_err(|wrong| wrong.what)
     }
 
     #[test]
     fn numbers_keep_to_their_range_in_any_radix() {
-        let kind = Kind::number(1..=247_u8);
+        let kind = ValueKind::number(1..=247_u8);
         assert_eq!(read(&kind, "0xF7"), Ok(247));
         assert_eq!(read(&kind, "1"), Ok(1));
         assert_eq!(read(&kind, "0xF8"), Err("0xF8 is out of range".to_owned()));
@@ -325,12 +325,12 @@ mod tests {
             read(&kind, "1.0"),
             Err("must be a whole number, not a decimal number".to_owned())
         );
-        assert_eq!(read(&Kind::address(), "0xFFFF"), Ok(0xFFFF));
+        assert_eq!(read(&ValueKind::address(), "0xFFFF"), Ok(0xFFFF));
     }
 
     #[test]
     fn decimals_are_finite_and_in_range() {
-        let kind = Kind::decimal(3.5..=100.0);
+        let kind = ValueKind::decimal(3.5..=100.0);
         assert_eq!(read(&kind, "4.5"), Ok(4.5));
         assert_eq!(read(&kind, "4"), Ok(4.0));
         for bad in ["3.4", "nan", "inf", "0x10", "'4'"] {
@@ -340,7 +340,7 @@ mod tests {
 
     #[test]
     fn times_carry_their_unit() {
-        let kind = Kind::duration(Duration::from_millis(1)..=Duration::from_secs(3600));
+        let kind = ValueKind::duration(Duration::from_millis(1)..=Duration::from_secs(3600));
         assert_eq!(kind.right(), "a time from \"1ms\" to \"1h\"");
         for (text, millis) in [
             ("'500ms'", 500),
@@ -385,7 +385,7 @@ mod tests {
 
     #[test]
     fn a_slip_of_the_pen_in_a_word_is_named() {
-        let kind = Kind::one_of(&[("none", 0), ("even", 1)]);
+        let kind = ValueKind::one_of(&[("none", 0), ("even", 1)]);
         let wrong = kind
             .read(DeValue::parse("'evne'").unwrap().get_ref())
             .unwrap_err();
@@ -396,13 +396,13 @@ mod tests {
 
     #[test]
     fn a_choice_is_never_guessed() {
-        let kind = Kind::choice(&[("stop", 0), ("hold", 1)], |it| {
+        let kind = ValueKind::choice(&[("stop", 0), ("hold", 1)], |it| {
             if it == 0 { "it stops" } else { "it goes on" }
         });
         let wrong = kind
             .read(DeValue::parse("'halt'").unwrap().get_ref())
             .unwrap_err();
-        assert_eq!(wrong, Wrong::new("`halt` is not an allowed value"));
+        assert_eq!(wrong, WrongValue::new("`halt` is not an allowed value"));
         assert_eq!(
             kind.right(),
             "one of \"stop\" (it stops), \"hold\" (it goes on)"
@@ -412,12 +412,15 @@ mod tests {
 
     #[test]
     fn text_is_trimmed_and_not_empty() {
-        assert_eq!(read(&Kind::text(), "' a '"), Ok("a".to_owned()));
-        assert_eq!(read(&Kind::text(), "' '"), Err("is empty".to_owned()));
+        assert_eq!(read(&ValueKind::text(), "' a '"), Ok("a".to_owned()));
+        assert_eq!(read(&ValueKind::text(), "' '"), Err("is empty".to_owned()));
         assert_eq!(
-            read(&Kind::parsed("a letter", |text| text.chars().next()), "''"),
+            read(
+                &ValueKind::parsed("a letter", |text| text.chars().next()),
+                "''"
+            ),
             Err("`` is not valid".to_owned())
         );
-        assert_eq!(read(&Kind::flag(), "true"), Ok(true));
+        assert_eq!(read(&ValueKind::flag(), "true"), Ok(true));
     }
 }

@@ -1,6 +1,6 @@
 //! ASCII frames: two hexadecimal digits for each byte between ':' and CR LF (Modbus over serial line V1.02, 2.5.2).
 
-use super::frame::Expected;
+use super::frame::ExpectedFrame;
 use super::pdu::{MAX_PDU_BYTES, function};
 use std::ops::Range;
 
@@ -64,7 +64,7 @@ pub fn find(bytes: &[u8]) -> Option<Range<usize>> {
 /// Whether a complete frame begins like the expected reply or its exception and has the same length. If no frame in
 /// `bytes` is sound, it is that reply, damaged.
 #[must_use]
-pub fn holds_damaged(bytes: &[u8], expected: &Expected) -> bool {
+pub fn holds_damaged(bytes: &[u8], expected: &ExpectedFrame) -> bool {
     ended(bytes).any(|place| {
         let length = match bytes
             .get(place.start + 1..place.start + 5)
@@ -117,10 +117,10 @@ fn sum(bytes: &[u8]) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::address::Table;
+    use crate::domain::address::DataTable;
     use crate::domain::link::Framing;
     use crate::wire::frame::FoundFrame;
-    use crate::wire::framing::Assembler;
+    use crate::wire::framing::FrameAssembler;
     use crate::wire::pdu::{Reply, Request, encode_read_reply};
 
     /// Requests with their replies as the manuals of TECO's E510, E510s and A510s print them (or with the LRC that
@@ -203,8 +203,8 @@ mod tests {
         }
     }
 
-    fn expected(request: &Request) -> Expected {
-        Expected {
+    fn expected(request: &Request) -> ExpectedFrame {
+        ExpectedFrame {
             station: 1,
             function: request.function(),
             adu_bytes: adu_bytes(request.reply_pdu_bytes()),
@@ -212,7 +212,7 @@ mod tests {
     }
 
     fn found_in(stream: &[u8], chunk: usize) -> (Vec<FoundFrame>, Vec<u8>) {
-        let mut assembler = Assembler::new(Framing::Ascii);
+        let mut assembler = FrameAssembler::new(Framing::Ascii);
         let mut found = Vec::new();
         for chunk in stream.chunks(chunk) {
             assembler.push(chunk);
@@ -248,7 +248,7 @@ mod tests {
             let mut answered_again = Vec::new();
             encode(&mut asked_again, 1, |out| request.encode(out));
             encode(&mut answered_again, 1, |out| match &reply {
-                Reply::Words(words) => encode_read_reply(out, Table::Holding, words),
+                Reply::Words(words) => encode_read_reply(out, DataTable::Holding, words),
                 _ => out.extend_from_slice(&pdu),
             });
             assert_eq!(
@@ -266,12 +266,12 @@ mod tests {
             assert_eq!(adu.len(), EXCEPTION_ADU_BYTES);
             let Some(misprint) = misprint else { continue };
             assert_eq!(decode(misprint.as_bytes()), None, "{misprint}");
-            let mut assembler = Assembler::new(Framing::Ascii);
+            let mut assembler = FrameAssembler::new(Framing::Ascii);
             assembler.push(misprint.as_bytes());
             assert_eq!(assembler.take(None), None);
             assert!(assembler.holds_damaged(&expected(&request)), "{misprint}");
             assert!(
-                !assembler.holds_damaged(&Expected {
+                !assembler.holds_damaged(&ExpectedFrame {
                     station: 2,
                     ..expected(&request)
                 }),
@@ -381,7 +381,7 @@ mod tests {
     #[test]
     fn a_babbling_node_cannot_fill_the_memory() {
         for babble in [b'U', START, b'\n'] {
-            let mut assembler = Assembler::new(Framing::Ascii);
+            let mut assembler = FrameAssembler::new(Framing::Ascii);
             let mut pushed_out = 0;
             for _ in 0..1000 {
                 pushed_out += assembler.push(&[babble; 100]).len();

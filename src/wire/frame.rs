@@ -2,7 +2,7 @@
 
 /// The awaited frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Expected {
+pub struct ExpectedFrame {
     /// The addressed station.
     pub station: u8,
     /// The requested function.

@@ -1,6 +1,6 @@
 //! A common interface to all framings: frames are built, measured and found the same way on every line.
 
-use super::frame::{Expected, FoundFrame};
+use super::frame::{ExpectedFrame, FoundFrame};
 use super::pdu::MAX_PDU_BYTES;
 use super::{ascii, mbap, rtu};
 use crate::domain::link::Framing;
@@ -81,12 +81,12 @@ const STREAM_BYTES_MAX: usize = 4096 + mbap::MAX_ADU_BYTES;
 
 /// Collects received bytes and finds sound frames among them: see [`rtu::find`], [`ascii::find`] and [`mbap::decode`].
 #[derive(Debug)]
-pub struct Assembler {
+pub struct FrameAssembler {
     framing: Framing,
     bytes: Vec<u8>,
 }
 
-impl Assembler {
+impl FrameAssembler {
     /// An empty one.
     #[must_use]
     pub const fn new(framing: Framing) -> Self {
@@ -114,7 +114,7 @@ impl Assembler {
     }
 
     /// Removes the next sound frame, with the noise before it.
-    pub fn take(&mut self, expected: Option<&Expected>) -> Option<FoundFrame> {
+    pub fn take(&mut self, expected: Option<&ExpectedFrame>) -> Option<FoundFrame> {
         let place = match self.framing {
             Framing::Rtu => rtu::find(&self.bytes, expected),
             Framing::Ascii => ascii::find(&self.bytes),
@@ -145,7 +145,7 @@ impl Assembler {
     /// [`rtu::find_certain`]. `is_over`: the bytes are followed by silence.
     pub fn take_certain(
         &mut self,
-        expected: Option<&Expected>,
+        expected: Option<&ExpectedFrame>,
         is_over: bool,
     ) -> Option<FoundFrame> {
         let (Framing::Rtu, Some(expected)) = (self.framing, expected) else {
@@ -157,7 +157,7 @@ impl Assembler {
 
     /// Whether a sound frame waits for the silence that makes it certain.
     #[must_use]
-    pub fn waits_for_silence(&self, expected: &Expected) -> bool {
+    pub fn waits_for_silence(&self, expected: &ExpectedFrame) -> bool {
         self.framing == Framing::Rtu && rtu::find_certain(&self.bytes, expected, true).is_some()
     }
 
@@ -214,7 +214,7 @@ impl Assembler {
     /// Whether the pending bytes, which contain no sound frame, are the expected reply or its exception, damaged. Where
     /// frames have no end mark, this is certain only once silence has followed.
     #[must_use]
-    pub fn holds_damaged(&self, expected: &Expected) -> bool {
+    pub fn holds_damaged(&self, expected: &ExpectedFrame) -> bool {
         match self.framing {
             Framing::Rtu => rtu::holds_damaged(&self.bytes, expected),
             Framing::Ascii => ascii::holds_damaged(&self.bytes, expected),

@@ -15,7 +15,7 @@ pub const fn adu_bytes(pdu_bytes: usize) -> usize {
 
 /// One whole message at the start of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Message<'a> {
+pub struct MbapMessage<'a> {
     /// The client's number for the request.
     pub transaction: u16,
     /// The addressed unit.
@@ -28,7 +28,7 @@ pub struct Message<'a> {
 
 /// Why the stream cannot be read any further. After either error, no later byte can be trusted to start a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Malformed {
+pub enum MalformedStream {
     /// The protocol identifier is not 0.
     #[error("protocol identifier {0} instead of 0")]
     Protocol(u16),
@@ -41,26 +41,26 @@ pub enum Malformed {
 /// its bytes have arrived.
 ///
 /// # Errors
-/// [`Malformed`] if this is not a Modbus TCP header.
-pub fn decode(stream: &[u8]) -> Result<Option<Message<'_>>, Malformed> {
+/// [`MalformedStream`] if this is not a Modbus TCP header.
+pub fn decode(stream: &[u8]) -> Result<Option<MbapMessage<'_>>, MalformedStream> {
     let word = |at: usize| Some(u16::from_be_bytes([*stream.get(at)?, *stream.get(at + 1)?]));
     if let Some(protocol) = word(2)
         && protocol != 0
     {
-        return Err(Malformed::Protocol(protocol));
+        return Err(MalformedStream::Protocol(protocol));
     }
     let (Some(transaction), Some(length)) = (word(0), word(4)) else {
         return Ok(None);
     };
     let after_length = usize::from(length);
     if !(2..=1 + MAX_PDU_BYTES).contains(&after_length) {
-        return Err(Malformed::Length(length));
+        return Err(MalformedStream::Length(length));
     }
     let adu_bytes = 6 + after_length;
     let Some(body) = stream.get(6..adu_bytes) else {
         return Ok(None);
     };
-    Ok(Some(Message {
+    Ok(Some(MbapMessage {
         transaction,
         unit: body[0],
         pdu: &body[1..],
@@ -119,12 +119,12 @@ mod tests {
 
     #[test]
     fn a_wrong_header_is_reported_at_once() {
-        assert_eq!(decode(&[0, 1, 0, 1]), Err(Malformed::Protocol(1)));
+        assert_eq!(decode(&[0, 1, 0, 1]), Err(MalformedStream::Protocol(1)));
         for length in [0_u16, 1, 255, 60_000, 65_535] {
             let [hi, lo] = length.to_be_bytes();
             assert_eq!(
                 decode(&[0, 1, 0, 0, hi, lo]),
-                Err(Malformed::Length(length))
+                Err(MalformedStream::Length(length))
             );
         }
     }

@@ -1,7 +1,7 @@
 //! Requests to drives and their replies, without station, CRC or header.
 
 use super::exception::ILLEGAL_FUNCTION;
-use crate::domain::address::{Address, Table};
+use crate::domain::address::{Address, DataTable};
 
 /// Function codes (Modbus application protocol V1.1b3, 5.1).
 pub mod function {
@@ -118,10 +118,10 @@ impl Request {
     pub const fn function(&self) -> u8 {
         match self {
             Self::Read { address, .. } => match address.table() {
-                Table::Holding => function::READ_HOLDING,
-                Table::Input => function::READ_INPUT,
-                Table::Coil => function::READ_COILS,
-                Table::Discrete => function::READ_DISCRETE,
+                DataTable::Holding => function::READ_HOLDING,
+                DataTable::Input => function::READ_INPUT,
+                DataTable::Coil => function::READ_COILS,
+                DataTable::Discrete => function::READ_DISCRETE,
             },
             Self::WriteSingle { address, .. } if address.table().is_of_bits() => {
                 function::WRITE_COIL
@@ -220,7 +220,7 @@ impl Request {
             }),
             (function::WRITE_SINGLE, []) => Some(Self::write(first, second)),
             (function::WRITE_COIL, []) if matches!(second, 0 | COIL_ON) => Some(Self::write(
-                Address::new(Table::Coil, first),
+                Address::new(DataTable::Coil, first),
                 u16::from(second == COIL_ON),
             )),
             (function::DIAGNOSTICS, []) if first == 0 => Some(Self::Loopback { data: second }),
@@ -237,7 +237,7 @@ impl Request {
             {
                 let values = bits(data, second.into());
                 Some(Self::WriteMultiple {
-                    address: Address::new(Table::Coil, first),
+                    address: Address::new(DataTable::Coil, first),
                     values,
                 })
             }
@@ -298,12 +298,12 @@ impl Request {
 }
 
 /// The table that `function` reads.
-const fn table_of(function: u8) -> Table {
+const fn table_of(function: u8) -> DataTable {
     match function {
-        function::READ_COILS => Table::Coil,
-        function::READ_DISCRETE => Table::Discrete,
-        function::READ_INPUT => Table::Input,
-        _ => Table::Holding,
+        function::READ_COILS => DataTable::Coil,
+        function::READ_DISCRETE => DataTable::Discrete,
+        function::READ_INPUT => DataTable::Input,
+        _ => DataTable::Holding,
     }
 }
 
@@ -336,7 +336,7 @@ pub fn is_request(pdu: &[u8]) -> bool {
 }
 
 /// Appends the PDU of the reply to a read from `table` to `out`. At most 125 words fit; bits are 0 or 1 each.
-pub fn encode_read_reply(out: &mut Vec<u8>, table: Table, values: &[u16]) {
+pub fn encode_read_reply(out: &mut Vec<u8>, table: DataTable, values: &[u16]) {
     out.push(Request::read(Address::new(table, 0), 0).function());
     if table.is_of_bits() {
         out.push(bit_bytes(values.len()) as u8);
@@ -387,19 +387,19 @@ mod tests {
     fn every_request_survives_a_round_trip() {
         let requests = [
             Request::read(0x0101, 8),
-            Request::read(Address::new(Table::Input, 3), 2),
-            Request::read(Address::new(Table::Coil, 6), 7),
-            Request::read(Address::new(Table::Discrete, 0), 16),
+            Request::read(Address::new(DataTable::Input, 3), 2),
+            Request::read(Address::new(DataTable::Coil, 6), 7),
+            Request::read(Address::new(DataTable::Discrete, 0), 16),
             Request::write(2, 1),
-            Request::write(Address::new(Table::Coil, 0), 1),
-            Request::write(Address::new(Table::Coil, 0x49), 0),
+            Request::write(Address::new(DataTable::Coil, 0), 1),
+            Request::write(Address::new(DataTable::Coil, 0x49), 0),
             Request::Loopback { data: 0xBEEF },
             Request::WriteMultiple {
                 address: Address::holding(0x2501),
                 values: vec![1, 3000],
             },
             Request::WriteMultiple {
-                address: Address::new(Table::Coil, 0),
+                address: Address::new(DataTable::Coil, 0),
                 values: vec![1, 0, 0, 0, 0, 0, 0, 1, 1],
             },
         ];
@@ -472,7 +472,7 @@ mod tests {
     #[test]
     fn coils_are_read_and_written_as_bits() {
         // The printed exchanges of an Omron/Hitachi manual and of an H100: read 7 coils, set a coil.
-        let read = Request::read(Address::new(Table::Coil, 6), 7);
+        let read = Request::read(Address::new(DataTable::Coil, 6), 7);
         let mut pdu = Vec::new();
         read.encode(&mut pdu);
         assert_eq!(pdu, [1, 0, 6, 0, 7]);
@@ -481,7 +481,7 @@ mod tests {
             Some(Reply::Words(vec![1, 0, 1, 0, 0, 0, 1]))
         );
         assert_eq!(read.reply_in(&[1, 2, 0x45, 0]), None);
-        let run = Request::write(Address::new(Table::Coil, 0), 1);
+        let run = Request::write(Address::new(DataTable::Coil, 0), 1);
         let mut pdu = Vec::new();
         run.encode(&mut pdu);
         assert_eq!(pdu, [5, 0, 0, 0xFF, 0]);

@@ -1,7 +1,7 @@
 //! RTU frames: building them, and finding replies in a stream of bytes by length, CRC and silence.
 
 use super::crc;
-use super::frame::Expected;
+use super::frame::ExpectedFrame;
 use super::pdu::function;
 use std::ops::Range;
 
@@ -75,7 +75,7 @@ pub enum ReplyLength {
 /// A frame at the start is delimited by its own length. After noise only the expected reply is searched for, because a
 /// random position has a chance of 1 in 65,536 to look like the start of some frame.
 #[must_use]
-pub fn find(bytes: &[u8], expected: Option<&Expected>) -> Option<Range<usize>> {
+pub fn find(bytes: &[u8], expected: Option<&ExpectedFrame>) -> Option<Range<usize>> {
     let is_sound = |place: Range<usize>| bytes.get(place).is_some_and(crc::is_sound);
     if let ReplyLength::Known(length) = reply_adu_bytes(bytes)
         && length <= MAX_ADU_BYTES
@@ -96,7 +96,7 @@ pub fn find(bytes: &[u8], expected: Option<&Expected>) -> Option<Range<usize>> {
 /// A range inside which the expected reply may begin is therefore a frame only if silence follows it immediately:
 /// `is_over`.
 #[must_use]
-pub fn find_certain(bytes: &[u8], expected: &Expected, is_over: bool) -> Option<Range<usize>> {
+pub fn find_certain(bytes: &[u8], expected: &ExpectedFrame, is_over: bool) -> Option<Range<usize>> {
     let by_its_own_length = match reply_adu_bytes(bytes) {
         ReplyLength::Known(length) if length <= MAX_ADU_BYTES => Some(0..length),
         _ => None,
@@ -177,7 +177,7 @@ fn request_adu_bytes(head: &[u8]) -> Option<usize> {
 }
 
 /// Whether `bytes` may be the beginning of the expected reply or its exception. A complete but damaged one is not.
-fn may_begin(bytes: &[u8], expected: &Expected) -> bool {
+fn may_begin(bytes: &[u8], expected: &ExpectedFrame) -> bool {
     let head = [expected.station, expected.function];
     let has_count = (0x01..=0x04).contains(&expected.function);
     let data = if has_count {
@@ -202,12 +202,12 @@ fn may_begin(bytes: &[u8], expected: &Expected) -> bool {
 /// Whether `bytes` begin like the expected reply or its exception and have the same length. If no frame in them is
 /// sound, they may be that reply, damaged, once silence has followed.
 #[must_use]
-pub fn holds_damaged(bytes: &[u8], expected: &Expected) -> bool {
+pub fn holds_damaged(bytes: &[u8], expected: &ExpectedFrame) -> bool {
     adu_bytes_at(expected, bytes) == Some(bytes.len())
 }
 
 /// Length of the frame at the start of `bytes` if that could be the expected reply or its exception.
-fn adu_bytes_at(expected: &Expected, bytes: &[u8]) -> Option<usize> {
+fn adu_bytes_at(expected: &ExpectedFrame, bytes: &[u8]) -> Option<usize> {
     let [station, code, ..] = *bytes else {
         return None;
     };
@@ -224,9 +224,9 @@ mod tests {
     use super::*;
     use crate::domain::link::Framing;
     use crate::wire::frame::FoundFrame;
-    use crate::wire::framing::Assembler;
+    use crate::wire::framing::FrameAssembler;
 
-    const EXPECTED: Expected = Expected {
+    const EXPECTED: ExpectedFrame = ExpectedFrame {
         station: 1,
         function: 3,
         adu_bytes: 7,
@@ -235,7 +235,7 @@ mod tests {
 
     #[test]
     fn a_frame_ends_by_its_length() {
-        let mut assembler = Assembler::new(Framing::Rtu);
+        let mut assembler = FrameAssembler::new(Framing::Rtu);
         for byte in &REPLY[..6] {
             assembler.push(&[*byte]);
             assert_eq!(assembler.take(Some(&EXPECTED)), None);
@@ -253,7 +253,7 @@ mod tests {
 
     #[test]
     fn noise_before_the_reply_is_distinguished() {
-        let mut assembler = Assembler::new(Framing::Rtu);
+        let mut assembler = FrameAssembler::new(Framing::Rtu);
         assembler.push(&[0xFF, 0x01, 0x03, 0x00]);
         assembler.push(&REPLY);
         let found = assembler.take(Some(&EXPECTED)).unwrap();
@@ -304,7 +304,7 @@ mod tests {
             encode(&mut adu, 1, |out| {
                 out.extend([3, count].into_iter().chain((0..count).map(|_| 0x11)))
             });
-            let mut assembler = Assembler::new(Framing::Rtu);
+            let mut assembler = FrameAssembler::new(Framing::Rtu);
             assembler.push(&adu);
             assert_eq!(assembler.take(None).is_some(), is_frame, "{count}");
         }
@@ -312,7 +312,7 @@ mod tests {
 
     #[test]
     fn a_babbling_node_cannot_fill_the_memory() {
-        let mut assembler = Assembler::new(Framing::Rtu);
+        let mut assembler = FrameAssembler::new(Framing::Rtu);
         let mut pushed_out = 0;
         for _ in 0..1000 {
             pushed_out += assembler.push(&[0x55; 100]).len();

@@ -5,7 +5,7 @@
 //! copy of one's own is an echo, any other comes from another gateway.
 
 use super::pdu::Request;
-use crate::domain::address::{Address, Table};
+use crate::domain::address::{Address, DataTable};
 use crate::domain::command::Direction;
 use crate::domain::ids::Station;
 
@@ -56,14 +56,14 @@ impl SignalKind {
 
 /// What the active gateway tells the others, without saying who it is: a copy of it means nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Word {
+pub enum SignalWord {
     /// A digest of its drives on the line.
     Digest(u16),
     /// The order by which the drive at this station runs; `None`: it runs, and not by an order over the line.
     Order(Station, Option<Direction>),
 }
 
-impl Word {
+impl SignalWord {
     /// The request that says it.
     #[must_use]
     pub const fn request(self) -> Request {
@@ -149,7 +149,7 @@ fn read_of_signal(station: Station, pdu: &[u8]) -> Option<(u16, u16)> {
     let Request::Read { address, count } = Request::decode(pdu)? else {
         return None;
     };
-    (address.table() == Table::Holding).then(|| (address.number(), count))
+    (address.table() == DataTable::Holding).then(|| (address.number(), count))
 }
 
 #[cfg(test)]
@@ -187,20 +187,20 @@ mod tests {
     #[test]
     fn a_word_is_what_it_was_and_no_signal() {
         for word in [
-            Word::Digest(0xBEEF),
-            Word::Order(Station(247), None),
-            Word::Order(Station(1), Some(Direction::Forward)),
-            Word::Order(Station(2), Some(Direction::Reverse)),
+            SignalWord::Digest(0xBEEF),
+            SignalWord::Order(Station(247), None),
+            SignalWord::Order(Station(1), Some(Direction::Forward)),
+            SignalWord::Order(Station(2), Some(Direction::Reverse)),
         ] {
             let mut pdu = Vec::new();
             word.request().encode(&mut pdu);
             assert_eq!(
-                (pdu.len(), Word::decode(STATION, &pdu)),
+                (pdu.len(), SignalWord::decode(STATION, &pdu)),
                 (PDU_BYTES, Some(word))
             );
             assert_eq!(
                 (
-                    Word::decode(Station(1), &pdu),
+                    SignalWord::decode(Station(1), &pdu),
                     Signal::decode(STATION, &pdu)
                 ),
                 (None, None)

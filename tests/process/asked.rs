@@ -10,7 +10,7 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 use vfd_gateway::daemon::host::pty::Pty;
-use vfd_gateway::sim::Pacing;
+use vfd_gateway::sim::BusPacing;
 
 /// What is wanted of it: no more answers than these.
 const ANSWERS_MAX: usize = 15;
@@ -85,7 +85,7 @@ fn on_the_nameplate(question: &str) -> String {
 
 #[test]
 fn a_person_is_asked_little_and_home_assistant_sees_eight_drives() {
-    let yard = Yard::new(Pacing::CharacterTimes);
+    let yard = Yard::new(BusPacing::CharacterTimes);
     let place = Place::new();
     let broker = Mosquitto::start(&place.file(""));
     let here = |name: &str| place.file(name).to_str().unwrap().to_owned();

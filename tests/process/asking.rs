@@ -14,7 +14,7 @@ use std::time::Duration;
 use tokio::task::LocalSet;
 use vfd_gateway::daemon::host::clock;
 use vfd_gateway::daemon::http::socket::OwnSocket;
-use vfd_gateway::daemon::http::{self, Control, Front, State};
+use vfd_gateway::daemon::http::{self, ClientRequirements, HttpControl, HttpState};
 use vfd_gateway::daemon::lines::build;
 use vfd_gateway::daemon::local::LocalSide;
 use vfd_gateway::domain::report::{LineReport, LineState};
@@ -459,18 +459,18 @@ fn health_says_why_it_has_no_answer() {
 }
 
 /// The HTTP side of a gateway whose line is played by the test, on a socket in `directory` and on TCP.
-fn served(directory: &Path) -> (SocketAddr, Arc<State>) {
+fn served(directory: &Path) -> (SocketAddr, Arc<HttpState>) {
     served_from(directory, "")
 }
 
 /// The same with `more` keys of the line.
-pub fn served_from(directory: &Path, more: &str) -> (SocketAddr, Arc<State>) {
+pub fn served_from(directory: &Path, more: &str) -> (SocketAddr, Arc<HttpState>) {
     let text = "[standby]\nhalf = \"a\"\npartner = \"b\"\n[[line]]\nname = \"hall-1\"\nport = \"/dev/null\"\n\n[[line.drive]]\nname = \"pump-1\"\n\
                 model = \"hyundai-n700\"\nstation = 1\n\n[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n";
     let text = text.replacen("[[line]]", &format!("[[line]]\n{more}"), 1);
     let catalog = vendors::catalog();
     let shared = Arc::new(build::shared(&config::load(&text, &catalog).unwrap()));
-    let state = Arc::new(State {
+    let state = Arc::new(HttpState {
         journal: None,
         trends: None,
         configuration: None,
@@ -495,11 +495,11 @@ pub fn served_from(directory: &Path, more: &str) -> (SocketAddr, Arc<State>) {
             let socket = OwnSocket::open(&directory).unwrap();
             say.send(listener.local_addr().unwrap()).unwrap();
             let side = Arc::new(LocalSide::new(served.shared.clone(), None));
-            let documents = http::Documents::new(Arc::clone(&served));
-            let control = Arc::new(Control::new(
+            let documents = http::RouteDocuments::new(Arc::clone(&served));
+            let control = Arc::new(HttpControl::new(
                 Arc::clone(&side),
                 documents.live.moments().clone(),
-                Front::default(),
+                ClientRequirements::default(),
                 None,
             ));
             tokio::join!(

@@ -13,7 +13,7 @@ use std::net::SocketAddr;
 use std::path::Path;
 use std::time::{Duration, Instant};
 use vfd_gateway::domain::time::WallTime;
-use vfd_gateway::journal::{Row, Table};
+use vfd_gateway::journal::{JournalRow, JournalTable};
 
 /// How many starts are measured.
 const STARTS: usize = 3;
@@ -79,9 +79,9 @@ pub fn fill(path: &Path, count: u64) {
     let mut connection = Connection::open(path).unwrap();
     let transaction = connection.transaction().unwrap();
     for (table, count) in [
-        (Table::Audit, count),
-        (Table::Availability, count / 10),
-        (Table::Event, count / 10),
+        (JournalTable::Audit, count),
+        (JournalTable::Availability, count / 10),
+        (JournalTable::Event, count / 10),
     ] {
         let sql = format!(
             "INSERT INTO {} (number, at, kind, name, body, crc) VALUES (?, ?, ?, ?, ?, ?)",
@@ -93,9 +93,9 @@ pub fn fill(path: &Path, count: u64) {
             let at = WallTime {
                 unix_ms: 1_767_225_600_000 + number as i64,
             };
-            let row = Row {
+            let row = JournalRow {
                 number: 1_000 + number,
-                ..Row::new(at, "attempt", Some("n700"), &body)
+                ..JournalRow::new(at, "attempt", Some("n700"), &body)
             };
             put.execute(params![
                 row.number,

@@ -8,7 +8,7 @@ use super::started::{PATIENCE, Started, until};
 use serde_json::{Value, json};
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use vfd_gateway::sim::Pacing;
+use vfd_gateway::sim::BusPacing;
 
 /// A gateway without a line, whose users are anna, who may set up, and bob, who may not.
 pub struct Site {
@@ -129,7 +129,7 @@ fn control() -> Value {
 
 #[test]
 fn eight_drives_are_found_added_and_read_and_the_file_keeps_its_comments() {
-    let (yard, site) = (Yard::new(Pacing::None), Site::new(true));
+    let (yard, site) = (Yard::new(BusPacing::None), Site::new(true));
     let anna = site.signed_in("anna");
     assert_eq!(anna.get("/api/v1/session").json()["setup"], true);
     let found = ok(&anna.get("/api/v1/setup"), 200);
@@ -272,7 +272,7 @@ fn a_refused_reload_leaves_the_file_as_it_was(site: &Site, anna: &Browser) {
 
 #[test]
 fn what_would_have_problems_changes_nothing() {
-    let (yard, site) = (Yard::new(Pacing::None), Site::new(true));
+    let (yard, site) = (Yard::new(BusPacing::None), Site::new(true));
     let anna = site.signed_in("anna");
     let missing = error(
         &anna.post(

@@ -3,16 +3,16 @@
 
 use super::rig::{text_of, vfd_gateway};
 use std::path::{Path, PathBuf};
-use vfd_gateway::config::keys::{KEYS, Key, Section};
+use vfd_gateway::config::keys::{ConfigKey, ConfigSection, KEYS};
 use vfd_gateway::domain::command::{Owner, Reason};
 use vfd_gateway::domain::ids::CommanderName;
 
 #[test]
 fn the_reference_has_every_key_as_the_program_has_it() {
     let tables = text_of("docs/configuration.md");
-    for section in Section::ALL
+    for section in ConfigSection::ALL
         .into_iter()
-        .filter(|section| *section != Section::Root)
+        .filter(|section| *section != ConfigSection::Root)
     {
         let header = section.header();
         let table = part(&tables, &format!("\n## `{header}`\n"), "\n## ");
@@ -34,7 +34,7 @@ fn the_reference_has_every_reason() {
         let row = format!(
             "| {} | `{}` | {} |",
             reason.number(),
-            reason.word(),
+            reason.keyword(),
             reason.text()
         );
         assert!(table.contains(&row), "docs/outcomes.md has no row {row}");
@@ -238,7 +238,7 @@ fn options(help: &str) -> impl Iterator<Item = &str> {
 }
 
 /// How the reference writes a key.
-fn row(key: &Key) -> String {
+fn row(key: &ConfigKey) -> String {
     let default = key.default.unwrap_or("required");
     format!(
         "| `{}` | {} | {} | {} |",

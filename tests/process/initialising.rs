@@ -17,7 +17,7 @@ use vfd_gateway::daemon::lines::simulated_end::AtSpeed;
 use vfd_gateway::daemon::lines::simulator;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::link::LinkSettings;
-use vfd_gateway::sim::{BusOptions, DriveOptions, Pacing, SimBus, SimDrive};
+use vfd_gateway::sim::{BusOptions, BusPacing, DriveOptions, SimBus, SimDrive};
 use vfd_gateway::vendors;
 
 /// Two drives of each of four makers.
@@ -33,7 +33,7 @@ pub struct Yard {
 
 impl Yard {
     /// Where bytes take time, the drives hear only what is sent at their own speed, 9600 bit/s.
-    pub fn new(pacing: Pacing) -> Self {
+    pub fn new(pacing: BusPacing) -> Self {
         let pty = Pty::new().unwrap();
         let port = pty.path().to_owned();
         let over = Arc::new(AtomicBool::new(false));
@@ -53,8 +53,8 @@ impl Yard {
                 );
             }
             match pacing {
-                Pacing::None => simulator::play(&pty, &mut bus, &is_over, |_, _| ()),
-                Pacing::CharacterTimes => {
+                BusPacing::None => simulator::play(&pty, &mut bus, &is_over, |_, _| ()),
+                BusPacing::CharacterTimes => {
                     let line = AtSpeed {
                         pty: &pty,
                         baud: 9600,
@@ -100,7 +100,7 @@ fn init(out: &Path, args: &[&str], answers: &[&str]) -> Output {
 
 #[test]
 fn eight_unknown_drives_are_served_after_a_few_answers() {
-    let yard = Yard::new(Pacing::None);
+    let yard = Yard::new(BusPacing::None);
     let place = Place::new();
     let out = place.file("vfd-gateway.toml");
     let data = place.file("data");

@@ -5,7 +5,7 @@ use super::rig::{Place, assert_says, vfd_gateway};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
-use vfd_gateway::daemon::exchange::inbox::Message;
+use vfd_gateway::daemon::exchange::inbox::LineMessage;
 use vfd_gateway::daemon::exchange::shared::SharedLine;
 use vfd_gateway::domain::report::{LineReport, LineState};
 use vfd_gateway::domain::standby::{LineRole, StandbyReport, StandbyTrouble};
@@ -54,7 +54,7 @@ fn while_played<T>(line: &Arc<SharedLine>, then: StandbyReport, done: impl FnOnc
         while !has_ended.load(Ordering::SeqCst) {
             played.inbox.take(&mut batch);
             for message in batch.drain(..) {
-                assert!(matches!(message, Message::Yield), "{message:?}");
+                assert!(matches!(message, LineMessage::Yield), "{message:?}");
                 show(&played, then);
             }
             std::thread::sleep(Duration::from_millis(5));

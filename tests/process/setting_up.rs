@@ -8,7 +8,7 @@ use super::many_drives::{barriers, load_axe};
 use super::started::{PATIENCE, until};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
-use vfd_gateway::sim::Pacing;
+use vfd_gateway::sim::BusPacing;
 
 /// A scan of eight stations at their speed, on a machine that is busy with other tests.
 const SCAN_MAX: Duration = Duration::from_secs(300);
@@ -109,7 +109,7 @@ fn a_person_with_a_phone_sets_up_eight_unknown_drives() {
 }
 
 fn set_up(drives: usize, is_known: bool) -> Person {
-    let (yard, site) = (Yard::new(Pacing::CharacterTimes), Site::new(true));
+    let (yard, site) = (Yard::new(BusPacing::CharacterTimes), Site::new(true));
     let before = site.text();
     let mut person = at_the_panel(&site);
     person.wait_for_step("Which port", PATIENCE);

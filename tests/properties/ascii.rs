@@ -1,18 +1,18 @@
 //! ASCII replies found, and nothing else, in whatever a line delivers.
 
 use proptest::prelude::*;
-use vfd_gateway::domain::address::Table;
+use vfd_gateway::domain::address::DataTable;
 use vfd_gateway::domain::link::Framing;
 use vfd_gateway::wire::ascii;
-use vfd_gateway::wire::frame::{Expected, FoundFrame};
-use vfd_gateway::wire::framing::Assembler;
+use vfd_gateway::wire::frame::{ExpectedFrame, FoundFrame};
+use vfd_gateway::wire::framing::FrameAssembler;
 use vfd_gateway::wire::pdu::{Reply, Request, encode_read_reply};
 
 /// The reply with `words` of `station`; bit n of `lower` makes its nth character lower case.
 fn reply(station: u8, words: &[u16], lower: u64) -> Vec<u8> {
     let mut adu = Vec::new();
     ascii::encode(&mut adu, station, |out| {
-        encode_read_reply(out, Table::Holding, words)
+        encode_read_reply(out, DataTable::Holding, words)
     });
     adu.iter_mut()
         .enumerate()
@@ -42,7 +42,7 @@ fn has_a_frame(bytes: &[u8]) -> bool {
 
 /// All that is found in `chunks`, and what is left.
 fn found_in<'a>(chunks: impl IntoIterator<Item = &'a [u8]>) -> (Vec<FoundFrame>, Vec<u8>) {
-    let mut assembler = Assembler::new(Framing::Ascii);
+    let mut assembler = FrameAssembler::new(Framing::Ascii);
     let mut found = Vec::new();
     for chunk in chunks {
         assert!(assembler.push(chunk).is_empty());
@@ -112,7 +112,7 @@ proptest! {
         function in any::<u8>(),
         adu_bytes in 0..=600_usize,
     ) {
-        let mut assembler = Assembler::new(Framing::Ascii);
+        let mut assembler = FrameAssembler::new(Framing::Ascii);
         let mut given_out = Vec::new();
         for chunk in &chunks {
             given_out.extend(assembler.push(chunk));
@@ -122,7 +122,7 @@ proptest! {
                 given_out.extend(found.adu);
             }
             prop_assert!(assembler.bytes().len() <= assembler.max_bytes());
-            let damaged = assembler.holds_damaged(&Expected { station, function, adu_bytes });
+            let damaged = assembler.holds_damaged(&ExpectedFrame { station, function, adu_bytes });
             prop_assert!(!damaged || assembler.bytes().windows(2).any(|pair| pair == b"\r\n"));
         }
         given_out.extend(assembler.end());

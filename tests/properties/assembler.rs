@@ -3,11 +3,11 @@
 use proptest::prelude::*;
 use proptest::test_runner::FileFailurePersistence;
 use std::collections::BTreeSet;
-use vfd_gateway::domain::address::Table;
+use vfd_gateway::domain::address::DataTable;
 use vfd_gateway::domain::link::Framing;
 use vfd_gateway::wire::crc;
-use vfd_gateway::wire::frame::Expected;
-use vfd_gateway::wire::framing::Assembler;
+use vfd_gateway::wire::frame::ExpectedFrame;
+use vfd_gateway::wire::framing::FrameAssembler;
 use vfd_gateway::wire::pdu::{Reply, Request, encode_read_reply};
 use vfd_gateway::wire::rtu::{self, ReplyLength};
 
@@ -38,12 +38,12 @@ proptest! {
     ) {
         let request = Request::Read { address: 0_u16.into(), count: words.len() as u16 };
         let mut reply = Vec::new();
-        rtu::encode(&mut reply, station, |out| encode_read_reply(out, Table::Holding, &words));
+        rtu::encode(&mut reply, station, |out| encode_read_reply(out, DataTable::Holding, &words));
         let stream = [noise.as_slice(), &reply].concat();
         prop_assume!(noise.is_empty() || !begins_with_a_frame(&stream));
 
-        let expected = Expected { station, function: 3, adu_bytes: reply.len() };
-        let mut assembler = Assembler::new(Framing::Rtu);
+        let expected = ExpectedFrame { station, function: 3, adu_bytes: reply.len() };
+        let mut assembler = FrameAssembler::new(Framing::Rtu);
         let mut found = None;
         for chunk in stream.chunks(chunk) {
             prop_assert!(found.is_none(), "found before it was whole");
@@ -66,14 +66,14 @@ proptest! {
     ) {
         let request = Request::Read { address: 0_u16.into(), count: words.len() as u16 };
         let mut reply = Vec::new();
-        rtu::encode(&mut reply, 1, |out| encode_read_reply(out, Table::Holding, &words));
+        rtu::encode(&mut reply, 1, |out| encode_read_reply(out, DataTable::Holding, &words));
         let mut spoilt = reply.clone();
         for bit in bits.iter().map(|bit| bit.index(reply.len() * 8)).collect::<BTreeSet<_>>() {
             spoilt[bit / 8] ^= 1 << (bit % 8);
         }
-        let mut assembler = Assembler::new(Framing::Rtu);
+        let mut assembler = FrameAssembler::new(Framing::Rtu);
         assembler.push(&spoilt);
-        while let Some(found) = assembler.take(Some(&Expected { station: 1, function: 3, adu_bytes: reply.len() })) {
+        while let Some(found) = assembler.take(Some(&ExpectedFrame { station: 1, function: 3, adu_bytes: reply.len() })) {
             let (station, pdu) = rtu::decode(&found.adu).expect("what is found is sound");
             prop_assert!(station != 1 || (pdu[0] != 0x83 && request.reply_in(pdu).is_none()), "{:02X?}", found.adu);
         }
@@ -84,8 +84,8 @@ proptest! {
         chunks in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..400), 0..12),
         expected in prop::option::of((any::<u8>(), any::<u8>(), 4..=256_usize)),
     ) {
-        let expected = expected.map(|(station, function, adu_bytes)| Expected { station, function, adu_bytes });
-        let mut assembler = Assembler::new(Framing::Rtu);
+        let expected = expected.map(|(station, function, adu_bytes)| ExpectedFrame { station, function, adu_bytes });
+        let mut assembler = FrameAssembler::new(Framing::Rtu);
         let mut given_out = Vec::new();
         for chunk in &chunks {
             given_out.extend(assembler.push(chunk));

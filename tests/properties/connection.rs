@@ -5,7 +5,9 @@ use proptest::test_runner::FileFailurePersistence;
 use std::collections::HashMap;
 use std::time::Duration;
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::north::modbus::{Answer, Ask, Call, Connection, Limits, parse};
+use vfd_gateway::north::modbus::{
+    ConnectionLimits, ModbusAnswer, ModbusConnection, ModbusRequest, UnitCall, parse,
+};
 use vfd_gateway::wire::mbap;
 
 fn config() -> ProptestConfig {
@@ -56,10 +58,10 @@ fn pdu() -> impl Strategy<Value = Vec<u8>> {
 }
 
 /// Any write of a word whose lowest bit is not set stops; so does any coil that is switched off.
-fn is_stop(_: u8, ask: &Ask) -> bool {
+fn is_stop(_: u8, ask: &ModbusRequest) -> bool {
     match ask {
-        Ask::WriteWord { value, .. } => value & 1 == 0,
-        Ask::WriteCoil { on, .. } => !on,
+        ModbusRequest::WriteWord { value, .. } => value & 1 == 0,
+        ModbusRequest::WriteCoil { on, .. } => !on,
         _ => false,
     }
 }
@@ -74,7 +76,7 @@ fn stream(messages: &[(u16, u8, Vec<u8>)]) -> Vec<u8> {
     out
 }
 
-fn drain(connection: &mut Connection) -> Vec<Call> {
+fn drain(connection: &mut ModbusConnection) -> Vec<UnitCall> {
     std::iter::from_fn(|| connection.next_call()).collect()
 }
 
@@ -100,30 +102,30 @@ enum Kind {
 }
 
 impl Kind {
-    fn answer(&self) -> Answer<'_> {
+    fn answer(&self) -> ModbusAnswer<'_> {
         match self {
-            Self::Exception(code) => Answer::Exception(*code),
-            Self::Words(words) => Answer::Words(words),
-            Self::Bits(bytes) => Answer::Bits(bytes),
-            Self::Identity(bytes) => Answer::Identity(bytes),
-            Self::Written | Self::Fitting => Answer::Written,
+            Self::Exception(code) => ModbusAnswer::Exception(*code),
+            Self::Words(words) => ModbusAnswer::Words(words),
+            Self::Bits(bytes) => ModbusAnswer::Bits(bytes),
+            Self::Identity(bytes) => ModbusAnswer::Identity(bytes),
+            Self::Written | Self::Fitting => ModbusAnswer::Written,
         }
     }
 
     /// What fits `ask`, if this shall fit.
-    fn fitted(&self, ask: &Ask) -> Self {
+    fn fitted(&self, ask: &ModbusRequest) -> Self {
         match (self, ask) {
             (
                 Self::Fitting,
-                Ask::ReadWords { count, .. }
-                | Ask::ReadWriteWords {
+                ModbusRequest::ReadWords { count, .. }
+                | ModbusRequest::ReadWriteWords {
                     read_count: count, ..
                 },
             ) => Self::Words(vec![*count; usize::from(*count)]),
-            (Self::Fitting, Ask::ReadBits { count, .. }) => {
+            (Self::Fitting, ModbusRequest::ReadBits { count, .. }) => {
                 Self::Bits(vec![0xA5; usize::from(count.div_ceil(8))])
             }
-            (Self::Fitting, Ask::Identify { .. }) => Self::Identity(vec![0x0E, 1]),
+            (Self::Fitting, ModbusRequest::Identify { .. }) => Self::Identity(vec![0x0E, 1]),
             (other, _) => other.clone(),
         }
     }
@@ -148,16 +150,16 @@ fn event() -> impl Strategy<Value = Event> {
 
 /// The rig of the property below: what was sent, and what came out of the machine.
 struct Client {
-    connection: Connection,
+    connection: ModbusConnection,
     now: MonoTime,
     sent: Vec<(u8, Vec<u8>)>,
-    calls: Vec<Call>,
+    calls: Vec<UnitCall>,
     read: Vec<u8>,
 }
 
 impl Client {
     fn new() -> Self {
-        let connection = Connection::new(Limits::default(), MonoTime::ZERO);
+        let connection = ModbusConnection::new(ConnectionLimits::default(), MonoTime::ZERO);
         Self {
             connection,
             now: MonoTime::ZERO,
@@ -229,10 +231,10 @@ proptest! {
         cuts in prop::collection::vec(1..60_usize, 1..40),
     ) {
         let stream = stream(&messages);
-        let limits = Limits { pending_max: 30, ..Limits::default() };
-        let mut whole = Connection::new(limits, MonoTime::ZERO);
+        let limits = ConnectionLimits { pending_max: 30, ..ConnectionLimits::default() };
+        let mut whole = ModbusConnection::new(limits, MonoTime::ZERO);
         whole.receive(MonoTime::ZERO, &stream, &is_stop);
-        let mut split = Connection::new(limits, MonoTime::ZERO);
+        let mut split = ModbusConnection::new(limits, MonoTime::ZERO);
         let mut rest = stream.as_slice();
         for cut in cuts.iter().cycle() {
             let (chunk, behind) = rest.split_at((*cut).min(rest.len()));
@@ -246,7 +248,7 @@ proptest! {
         prop_assert_eq!(split.counters(), whole.counters());
         let calls = drain(&mut whole);
         prop_assert_eq!(&drain(&mut split), &calls);
-        let asks: Vec<Ask> = messages.iter().filter_map(|(_, _, pdu)| parse(pdu).ok()).collect();
+        let asks: Vec<ModbusRequest> = messages.iter().filter_map(|(_, _, pdu)| parse(pdu).ok()).collect();
         prop_assert_eq!(calls.into_iter().map(|call| call.ask).collect::<Vec<_>>(), asks);
     }
 
@@ -256,7 +258,7 @@ proptest! {
         for event in &events {
             client.play(event);
         }
-        client.play(&Event::Pass(Limits::default().answer_within.as_millis() as u64));
+        client.play(&Event::Pass(ConnectionLimits::default().answer_within.as_millis() as u64));
         client.write(usize::MAX);
         prop_assert_eq!(client.connection.close_reason(), None);
         let mut answers = client.answers();
@@ -285,7 +287,7 @@ proptest! {
             prop_assert!(taken >= 1, "{} stops of unit {}, none taken", stops, unit);
         }
         let others = client.calls.iter().filter(|call| !is_stop(call.unit, &call.ask)).count();
-        prop_assert!(others <= Limits::default().pending_max);
+        prop_assert!(others <= ConnectionLimits::default().pending_max);
     }
 
     #[test]
@@ -293,7 +295,7 @@ proptest! {
         chunks in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..300), 0..20),
         millis in prop::collection::vec(0..10_000_u64, 20),
     ) {
-        let mut connection = Connection::new(Limits::default(), MonoTime::ZERO);
+        let mut connection = ModbusConnection::new(ConnectionLimits::default(), MonoTime::ZERO);
         let mut now = MonoTime::ZERO;
         for (chunk, millis) in chunks.iter().zip(millis) {
             connection.receive(now, chunk, &is_stop);

@@ -5,12 +5,14 @@ use crate::support::{MQTT, ORIGIN, Rig, RigOptions, control, plc};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 use std::time::Duration;
-use vfd_gateway::domain::command::{Direction, Go, Order, Origin, Outcome, RegisterWrite, Rights};
+use vfd_gateway::domain::command::{
+    Direction, GoOrder, Order, Origin, Outcome, RegisterWrite, Rights,
+};
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::{Station, Ticket};
 use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::gateway::{Input, Note};
+use vfd_gateway::gateway::{DriveNote, LineInput};
 use vfd_gateway::sim::FaultPlan;
 
 const RUN: u16 = 0x0002;
@@ -53,7 +55,7 @@ fn order() -> impl Strategy<Value = Order> {
         } else {
             Vec::new()
         };
-        Order::Go(Go::new(ramp, setpoint.map(Hertz::from_centihertz), run).expect("not empty"))
+        Order::Go(GoOrder::new(ramp, setpoint.map(Hertz::from_centihertz), run).expect("not empty"))
     };
     let direction = prop_oneof![Just(Direction::Forward), Just(Direction::Reverse)];
     prop_oneof![
@@ -105,7 +107,7 @@ impl Observed {
                 }
             }
             Step::Power(on) => self.rig.bus.set_powered(now, Station(1), on),
-            Step::Alive => self.rig.core.handle(now, Input::PathAlive(MQTT.owner)),
+            Step::Alive => self.rig.core.handle(now, LineInput::PathAlive(MQTT.owner)),
             Step::Cut(ms) => {
                 self.rig.close(LineFault::Gone);
                 self.rig.pass(Duration::from_millis(ms));
@@ -272,7 +274,7 @@ fn observe(
         .rig
         .notes
         .iter()
-        .any(|(_, note)| matches!(note, Note::StopDropped));
+        .any(|(_, note)| matches!(note, DriveNote::StopDropped));
     prop_assert!(
         !was_stopped || observed.rig.output(1) == 0,
         "it still turns"

@@ -6,11 +6,11 @@ use crate::support::{MQTT, ORIGIN, Rig, RigOptions, plc};
 use proptest::prelude::*;
 use std::sync::Arc;
 use std::time::Duration;
-use vfd_gateway::domain::command::{Direction, Go, Order, Outcome};
+use vfd_gateway::domain::command::{Direction, GoOrder, Order, Outcome};
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::{Station, Ticket};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::gateway::{Input, Note};
+use vfd_gateway::gateway::{DriveNote, LineInput};
 use vfd_gateway::profile::check;
 use vfd_gateway::sim::FaultPlan;
 
@@ -45,8 +45,8 @@ fn order() -> impl Strategy<Value = Order> {
         3 => Just(Order::Stop { setpoint: None }),
         1 => Just(Order::Coast),
         2 => Just(Order::Reset),
-        6 => (hertz(), direction).prop_map(|(hertz, run)| Order::Go(Go::new(Vec::new(), hertz, Some(run)).expect("not empty"))),
-        2 => Just(Order::Go(Go::new(Vec::new(), Some(Hertz::from_centihertz(2000)), None).expect("not empty"))),
+        6 => (hertz(), direction).prop_map(|(hertz, run)| Order::Go(GoOrder::new(Vec::new(), hertz, Some(run)).expect("not empty"))),
+        2 => Just(Order::Go(GoOrder::new(Vec::new(), Some(Hertz::from_centihertz(2000)), None).expect("not empty"))),
     ]
 }
 
@@ -119,7 +119,7 @@ impl Observed {
                 self.rig.swallows = it.then(|| vec![6, 0x20, 1, 0, 1]);
                 return;
             }
-            Step::Alive => return self.rig.core.handle(now, Input::PathAlive(MQTT.owner)),
+            Step::Alive => return self.rig.core.handle(now, LineInput::PathAlive(MQTT.owner)),
             Step::Trip | Step::Clear | Step::HoldBack(_) => {}
         }
         let Some(drive) = self.rig.bus.drive_mut(Station(1)) else {
@@ -243,7 +243,7 @@ impl Observed {
             .rig
             .notes
             .iter()
-            .any(|(_, note)| matches!(note, Note::StopDropped));
+            .any(|(_, note)| matches!(note, DriveNote::StopDropped));
         let output = self.rig.output(1);
         prop_assert!(
             was_dropped || output == 0,

@@ -10,7 +10,7 @@ use std::time::Duration;
 use vfd_gateway::domain::command::Direction;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::profile::check;
-use vfd_gateway::profile::model::{BitMeaning, Model, Sense, WordEffect, WordSenses, ZeroWord};
+use vfd_gateway::profile::model::{BitMeaning, BitSense, Model, WordEffect, WordSenses, ZeroWord};
 use vfd_gateway::profile::words::{BIT_MEANINGS, ZERO_WORDS};
 use vfd_gateway::sim::{DriveOptions, SimDrive};
 
@@ -73,10 +73,10 @@ impl Table {
         let known = meanings();
         let bits = (0..)
             .zip(&self.bits)
-            .map(|(bit, (meaning, inverted))| Sense::of_bit(bit, *inverted, known[*meaning].1));
+            .map(|(bit, (meaning, inverted))| BitSense::of_bit(bit, *inverted, known[*meaning].1));
         let field = self.field.iter().flatten().zip(0..);
         let field = field.filter_map(|(meaning, value)| {
-            Some(Sense::of_field(FIELD, value, known[(*meaning)?].1))
+            Some(BitSense::of_field(FIELD, value, known[(*meaning)?].1))
         });
         WordSenses(bits.chain(field).collect())
     }

@@ -204,7 +204,7 @@ fn a_reply_with_a_wrong_check_is_asked_for_again_when_its_time_is_over() {
     rig.bus.take_due(end + Duration::from_millis(20), |_, _| {});
     rig.now = end + Duration::from_millis(20);
     rig.core
-        .handle(rig.now, vfd_gateway::gateway::Input::Bytes(&reply));
+        .handle(rig.now, vfd_gateway::gateway::LineInput::Bytes(&reply));
     rig.settle();
     assert_eq!(rig.core.counters().garbled, 0, "the reply may still come");
     // The barrier is sent in between.

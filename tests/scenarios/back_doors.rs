@@ -210,14 +210,17 @@ fn a_command_register_is_no_parameter() {
         let mut rig = quiet(&id, listing((0..=u16::MAX).collect()));
         for (role, word) in [
             (
-                vfd_gateway::profile::model::Role::RunCommand,
+                vfd_gateway::profile::model::RegisterRole::RunCommand,
                 run.forward.value,
             ),
             (
-                vfd_gateway::profile::model::Role::RunCommand,
+                vfd_gateway::profile::model::RegisterRole::RunCommand,
                 run.stop.value,
             ),
-            (vfd_gateway::profile::model::Role::FrequencyCommand, 3000),
+            (
+                vfd_gateway::profile::model::RegisterRole::FrequencyCommand,
+                3000,
+            ),
         ] {
             let address = model.register_for(role).unwrap().address;
             let told = rig.commanded(MQTT, register(address.number(), word));

@@ -9,8 +9,8 @@ use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::link::PortKind;
 use vfd_gateway::domain::native::NativeOutcome;
 use vfd_gateway::domain::report::LineFault;
-use vfd_gateway::drive::snapshot::Presence;
-use vfd_gateway::gateway::Input;
+use vfd_gateway::drive::snapshot::DrivePresence;
+use vfd_gateway::gateway::LineInput;
 use vfd_gateway::profile::model::{Barrier, Confidence, Fact, Model};
 use vfd_gateway::sim::{BadRequest, FaultPlan};
 
@@ -206,8 +206,10 @@ fn a_loop_test_proves_nothing_on_a_line_that_echoes() {
     );
     assert_eq!(loop_tests(&rig), 0);
     // Another port may have another adapter.
-    rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
-    rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
+    rig.core
+        .handle(rig.now, LineInput::PortDown(LineFault::Gone));
+    rig.core
+        .handle(rig.now, LineInput::PortUp(PortKind::Serial));
     rig.settle();
     let read = rig.read(1, 0, PROOF, 1);
     assert!(matches!(rig.answer_to(read), NativeOutcome::Words(_)));
@@ -251,7 +253,7 @@ fn a_drive_that_stays_silent_on_it_is_left_alone_with_it_until_it_comes_back() {
     );
     assert_eq!(
         rig.view(0).snapshot.presence,
-        Presence::Online,
+        DrivePresence::Online,
         "silence on this is no absence"
     );
     assert!(
@@ -266,7 +268,7 @@ fn a_drive_that_stays_silent_on_it_is_left_alone_with_it_until_it_comes_back() {
         assert_eq!(rig.answer_to(read), NativeOutcome::NoReply);
         rig.pass(Duration::from_secs(1));
     }
-    assert_eq!(rig.view(0).snapshot.presence, Presence::Offline);
+    assert_eq!(rig.view(0).snapshot.presence, DrivePresence::Offline);
     let now = rig.now;
     rig.bus.set_powered(now, Station(1), true);
     rig.pass(Duration::from_secs(30));
@@ -274,7 +276,7 @@ fn a_drive_that_stays_silent_on_it_is_left_alone_with_it_until_it_comes_back() {
     assert!(matches!(rig.answer_to(read), NativeOutcome::Words(_)));
     rig.pass(Duration::from_secs(30));
     assert_eq!(rig.core.counters().barriers, 2, "asked again, once");
-    assert_eq!(rig.view(0).snapshot.presence, Presence::Online);
+    assert_eq!(rig.view(0).snapshot.presence, DrivePresence::Online);
 }
 
 #[test]

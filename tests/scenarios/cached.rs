@@ -9,10 +9,10 @@ use vfd_gateway::domain::command::{Direction, Outcome, Reason};
 use vfd_gateway::domain::ids::{DriveIndex, Name, Station, UnitId};
 use vfd_gateway::domain::native::{NativeAsk, NativeOutcome};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::drive::description::{DriveDescription, DriveRef, Points, Ratings};
-use vfd_gateway::drive::plan::Pace;
+use vfd_gateway::drive::description::{DriveDescription, DriveRatings, DriveRef, PointSettings};
+use vfd_gateway::drive::plan::PollPace;
 use vfd_gateway::drive::view::{RunState, TripEventKind};
-use vfd_gateway::north::modbus::{Words, memory};
+use vfd_gateway::north::modbus::{WordBuffer, memory};
 use vfd_gateway::sim::BadRequest;
 
 const OUTPUT: u16 = 0x0101;
@@ -50,17 +50,17 @@ fn description() -> DriveDescription {
         unit: unit(1),
         uniform_unit: unit(101),
         group: None,
-        pace: Pace::new(PERIOD, 1.0),
-        ratings: Ratings::default(),
+        pace: PollPace::new(PERIOD, 1.0),
+        ratings: DriveRatings::default(),
         control: None,
-        points: Points::default(),
+        points: PointSettings::default(),
     }
 }
 
 /// What a listener with `cached` answers from memory, and the age of that. The line has taken all orders.
 fn recalled(rig: &Rig, index: u16, address: u16, count: u16) -> Option<(Vec<u16>, Duration)> {
     let view = rig.view(index);
-    let mut words = Words::default();
+    let mut words = WordBuffer::default();
     let read = (Address::holding(address), count);
     let age = memory::recall(
         &description(),

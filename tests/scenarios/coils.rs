@@ -5,7 +5,7 @@ use crate::support::families::{accepting, options_of, refused, rig_of};
 use crate::support::{MQTT, Rig, STOP, run, setpoint};
 use std::sync::Arc;
 use std::time::Duration;
-use vfd_gateway::domain::address::{Address, Table};
+use vfd_gateway::domain::address::{Address, DataTable};
 use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason};
 use vfd_gateway::domain::control::ControlSettings;
 use vfd_gateway::domain::ids::Station;
@@ -24,7 +24,7 @@ const CUT_OFF: u16 = 4;
 const BUS_ENABLE: u16 = 0x20;
 
 fn coil(number: u16) -> Address {
-    Address::new(Table::Coil, number)
+    Address::new(DataTable::Coil, number)
 }
 
 /// The model of the file with these replacements.
@@ -94,7 +94,7 @@ fn pulses() -> Arc<Model> {
 /// A rig whose drive is of the right series, was stopped and has shown everything.
 fn ready(model: &Arc<Model>, control: ControlSettings) -> Rig {
     let mut rig = rig_of(model, control);
-    set(&mut rig, Address::new(Table::Input, 0x2000), 200);
+    set(&mut rig, Address::new(DataTable::Input, 0x2000), 200);
     assert_eq!(
         rig.commanded(MQTT, STOP),
         (Outcome::Confirmed, Reason::None),
@@ -126,7 +126,7 @@ fn orders(rig: &Rig) -> Vec<(u16, u16)> {
         _ => Vec::new(),
     });
     of_coils
-        .filter(|(it, _)| it.table() == Table::Coil)
+        .filter(|(it, _)| it.table() == DataTable::Coil)
         .map(|(it, value)| (it.number(), value))
         .collect()
 }
@@ -272,7 +272,7 @@ fn a_setting_in_a_coil_and_an_identity_in_an_input_register_hold_back_a_run() {
     confirmed(&mut rig, STOP);
     set(&mut rig, coil(BUS_ENABLE), 1);
     rig.reopen();
-    set(&mut rig, Address::new(Table::Input, 0x2000), 100);
+    set(&mut rig, Address::new(DataTable::Input, 0x2000), 100);
     rig.live(SECOND * 2);
     assert_eq!(
         rig.commanded(MQTT, setpoint(3000)),
@@ -381,10 +381,10 @@ fn each_table_is_read_by_its_own_function() {
         (outcome, function.map(|pdu| pdu[0]))
     };
     let words = |words: &[u16]| NativeOutcome::Words(words.into());
-    assert_eq!(read(Table::Coil, 0, 2), (words(&[0, 0]), Some(1)));
-    assert_eq!(read(Table::Discrete, 1, 1), (words(&[1]), Some(2)));
-    assert_eq!(read(Table::Input, 0x2000, 1), (words(&[200]), Some(4)));
-    assert_eq!(read(Table::Holding, 1, 1), (words(&[0]), Some(3)));
+    assert_eq!(read(DataTable::Coil, 0, 2), (words(&[0, 0]), Some(1)));
+    assert_eq!(read(DataTable::Discrete, 1, 1), (words(&[1]), Some(2)));
+    assert_eq!(read(DataTable::Input, 0x2000, 1), (words(&[200]), Some(4)));
+    assert_eq!(read(DataTable::Holding, 1, 1), (words(&[0]), Some(3)));
     let reply = Request::read(coil(0), 2).reply_in(&[1, 1, 0b10]);
     assert_eq!(reply, Some(Reply::Words(vec![0, 1])));
     let options = options_of(&coils(), accepting());

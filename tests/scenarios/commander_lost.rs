@@ -7,7 +7,7 @@ use vfd_gateway::domain::control::FailSafe;
 use vfd_gateway::domain::ids::{DriveIndex, Station};
 use vfd_gateway::domain::link::PortKind;
 use vfd_gateway::domain::report::LineFault;
-use vfd_gateway::gateway::{Input, Note};
+use vfd_gateway::gateway::{DriveNote, LineInput};
 
 const RUN: u16 = 0x0002;
 /// The longest exchange with the silence before the next one here, time-outs aside.
@@ -57,7 +57,7 @@ fn the_declared_action_starts_when_the_lease_ends() {
                 at.since(until)
             );
         }
-        let lost = Note::CommanderLost {
+        let lost = DriveNote::CommanderLost {
             owner: Owner::Mqtt,
             action,
         };
@@ -88,12 +88,12 @@ fn heartbeats_keep_the_lease_and_only_those_of_the_owner() {
     let mut rig = running(FailSafe::Stop, FailSafe::Stop);
     for _ in 0..10 {
         rig.pass(Duration::from_secs(1));
-        rig.core.handle(rig.now, Input::PathAlive(Owner::Mqtt));
+        rig.core.handle(rig.now, LineInput::PathAlive(Owner::Mqtt));
     }
     assert_eq!(rig.written(RUN), [1]);
     for _ in 0..5 {
         rig.pass(Duration::from_secs(1));
-        rig.core.handle(rig.now, Input::PathAlive(plc(1).owner));
+        rig.core.handle(rig.now, LineInput::PathAlive(plc(1).owner));
         rig.command(plc(1), 0, Order::Renew);
         rig.read(3, 0, 0x0101, 1);
     }
@@ -113,7 +113,8 @@ fn a_sparkplug_host_keeps_control_by_its_own_heartbeats_alone() {
     );
     for _ in 0..10 {
         rig.pass(Duration::from_secs(1));
-        rig.core.handle(rig.now, Input::PathAlive(Owner::Sparkplug));
+        rig.core
+            .handle(rig.now, LineInput::PathAlive(Owner::Sparkplug));
     }
     assert_eq!(rig.written(RUN), [1]);
     assert_eq!(
@@ -125,7 +126,7 @@ fn a_sparkplug_host_keeps_control_by_its_own_heartbeats_alone() {
     assert_eq!(rig.written(RUN), [1, 0]);
     let action = FailSafe::Stop;
     assert!(rig.notes.iter().any(|(_, note)| *note
-        == Note::CommanderLost {
+        == DriveNote::CommanderLost {
             owner: Owner::Sparkplug,
             action
         }));
@@ -172,13 +173,13 @@ fn who_has_stopped_the_drive_has_nothing_to_lose() {
     let mut rig = running(FailSafe::Coast, FailSafe::Stop);
     rig.pass(Duration::from_secs(1));
     rig.commanded(MQTT, STOP);
-    rig.core.handle(rig.now, Input::PathAlive(Owner::Mqtt));
+    rig.core.handle(rig.now, LineInput::PathAlive(Owner::Mqtt));
     rig.pass(Duration::from_secs(60));
     // The ramp may take longer than the lease: then the declared action runs, and nothing after it.
     assert!(
         !rig.notes
             .iter()
-            .any(|(_, note)| matches!(note, Note::NotEffective)),
+            .any(|(_, note)| matches!(note, DriveNote::NotEffective)),
         "{:?}",
         rig.notes
     );
@@ -227,18 +228,19 @@ fn a_lease_ends_while_the_port_is_closed() {
     let mut rig = running(FailSafe::Stop, FailSafe::Stop);
     rig.core.handle(
         rig.now,
-        Input::PortDown(vfd_gateway::domain::report::LineFault::Gone),
+        LineInput::PortDown(vfd_gateway::domain::report::LineFault::Gone),
     );
     rig.pass(Duration::from_secs(10));
     assert!(
         rig.notes
             .iter()
-            .any(|(_, note)| matches!(note, Note::CommanderLost { .. })),
+            .any(|(_, note)| matches!(note, DriveNote::CommanderLost { .. })),
         "{:?}",
         rig.notes
     );
     assert!(rig.view(0).control.unwrap().stop_pending);
-    rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
+    rig.core
+        .handle(rig.now, LineInput::PortUp(PortKind::Serial));
     rig.pass(Duration::from_secs(40));
     assert_eq!(
         (rig.output(1), rig.view(0).control.unwrap().stop_pending),
@@ -285,7 +287,7 @@ fn a_parameter_takes_no_control() {
     }
     rig.pass(Duration::from_secs(2));
     let ramp = vfd_gateway::domain::command::RegisterWrite::new(0x020C_u16, 50);
-    let go = vfd_gateway::domain::command::Go::new(vec![ramp], None, None).unwrap();
+    let go = vfd_gateway::domain::command::GoOrder::new(vec![ramp], None, None).unwrap();
     assert_eq!(rig.commanded(MQTT, Order::Go(go)).0, Outcome::Confirmed);
     assert_eq!(rig.view(0).control.unwrap().lease, None);
     rig.pass(Duration::from_secs(10));
@@ -318,7 +320,7 @@ fn the_end_of_the_gateway_is_an_action_of_its_own() {
     ] {
         let mut rig = running(FailSafe::Stop, action);
         rig.pass(Duration::from_secs(1));
-        rig.core.handle(rig.now, Input::Shutdown);
+        rig.core.handle(rig.now, LineInput::Shutdown);
         rig.settle();
         assert_eq!(rig.core.is_at_rest(), action == FailSafe::Hold);
         assert_eq!(
@@ -343,7 +345,7 @@ fn the_end_of_the_gateway_tells_a_stop_that_was_never_sent_from_one_without_effe
         } else {
             rig.bus.set_faults("lost=1000".parse().unwrap());
         }
-        rig.core.handle(rig.now, Input::Shutdown);
+        rig.core.handle(rig.now, LineInput::Shutdown);
         rig.settle();
         rig.pass(Duration::from_secs(1));
         let open: Vec<_> = rig.core.open_stops().collect();
@@ -367,10 +369,11 @@ fn the_gateway_never_invents_motion() {
     rig.pass(Duration::from_secs(20));
     rig.core.handle(
         rig.now,
-        Input::PortDown(vfd_gateway::domain::report::LineFault::Gone),
+        LineInput::PortDown(vfd_gateway::domain::report::LineFault::Gone),
     );
     rig.pass(Duration::from_secs(5));
-    rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
+    rig.core
+        .handle(rig.now, LineInput::PortUp(PortKind::Serial));
     rig.pass(Duration::from_secs(20));
     assert!(
         rig.sent.iter().all(|sent| sent.frame[1] != 6),

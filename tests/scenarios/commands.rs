@@ -3,14 +3,14 @@
 use crate::support::{MQTT, Rig, RigOptions, STOP, control, plc, run, setpoint};
 use std::time::Duration;
 use vfd_gateway::domain::command::{
-    Direction, Go, Order, Outcome, Owner, Reason, RegisterWrite, Rights, RunIntent,
+    Direction, GoOrder, Order, Outcome, Owner, Reason, RegisterWrite, Rights, RunIntent,
 };
-use vfd_gateway::domain::command::{Manner, Origin};
+use vfd_gateway::domain::command::{OrderManner, Origin};
 use vfd_gateway::domain::link::PortKind;
-use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, Refusal};
+use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, NativeRefusal};
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::drive::view::RunState;
-use vfd_gateway::gateway::{Input, Note};
+use vfd_gateway::gateway::{DriveNote, LineInput};
 use vfd_gateway::sim::FaultPlan;
 
 use Direction::{Forward, Reverse};
@@ -23,7 +23,7 @@ fn rig() -> Rig {
 }
 
 fn register(address: u16, value: u16) -> Order {
-    Order::Go(Go::new(vec![RegisterWrite::new(address, value)], None, None).unwrap())
+    Order::Go(GoOrder::new(vec![RegisterWrite::new(address, value)], None, None).unwrap())
 }
 
 #[test]
@@ -70,7 +70,8 @@ fn a_port_that_opens_again_never_repeats_a_run_order() {
     while rig.written(RUN).is_empty() {
         assert!(rig.step(MonoTime::NEVER), "RUN is not sent");
     }
-    rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
+    rig.core
+        .handle(rig.now, LineInput::PortUp(PortKind::Serial));
     rig.settle();
     assert_eq!(rig.outcome_of(ticket), (Outcome::Unknown, Reason::NoReply));
     rig.pass(Duration::from_secs(2));
@@ -290,7 +291,7 @@ fn run_without_a_setpoint_tells_a_silent_drive_from_a_setting_outside_the_limits
     );
     assert_eq!(
         rig.notes.iter().map(|(_, note)| *note).collect::<Vec<_>>(),
-        [Note::SetpointOutside]
+        [DriveNote::SetpointOutside]
     );
     for faults in ["flip=1000", "lost=1000"] {
         rig.notes.clear();
@@ -457,7 +458,7 @@ fn native_writes_are_reviewed_like_every_other_command() {
         );
         rig.answer_to(ticket)
     };
-    let refused = |reason| NativeOutcome::Refused(Refusal::Guard(reason));
+    let refused = |reason| NativeOutcome::Refused(NativeRefusal::Guard(reason));
     let mut rig = rig();
     for (address, values, reason) in [
         (RUN, &[1][..], Reason::StartInhibited),
@@ -554,5 +555,5 @@ fn messages_act_once_each_and_not_by_change() {
         assert_eq!(rig.commanded(MQTT, setpoint(2000)).0, Outcome::Confirmed);
     }
     assert_eq!(rig.written(FREQUENCY), [2000, 2000, 2000]);
-    assert_eq!(MQTT.manner, Manner::Once);
+    assert_eq!(MQTT.manner, OrderManner::Once);
 }

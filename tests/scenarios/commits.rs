@@ -5,7 +5,7 @@ use crate::support::families::{LOCAL, listing, options_of, refused, register, wr
 use crate::support::{MQTT, ORIGIN, Rig, STOP, run, setpoint};
 use std::sync::Arc;
 use std::time::Duration;
-use vfd_gateway::domain::command::{Direction, Go, Order, Outcome, Reason, RegisterWrite};
+use vfd_gateway::domain::command::{Direction, GoOrder, Order, Outcome, Reason, RegisterWrite};
 use vfd_gateway::domain::control::ControlSettings;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::native::NativeOutcome;
@@ -129,7 +129,7 @@ fn orders_to_move_are_never_followed_by_it_and_never_beside_it() {
     for stores in [false, true] {
         let mut rig = rig_with(MODEL, stores);
         let parameter = RegisterWrite::new(ACCELERATION, 77);
-        let both = Go::new(vec![parameter], None, Some(Direction::Forward)).unwrap();
+        let both = GoOrder::new(vec![parameter], None, Some(Direction::Forward)).unwrap();
         assert_eq!(
             rig.commanded(MQTT, Order::Go(both)),
             (Outcome::Refused, Reason::Conflict)

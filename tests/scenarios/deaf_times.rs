@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::ids::{DriveIndex, Station};
 use vfd_gateway::domain::native::NativeOutcome;
-use vfd_gateway::drive::snapshot::Presence;
+use vfd_gateway::drive::snapshot::DrivePresence;
 use vfd_gateway::profile::model::Model;
 use vfd_gateway::sim::FaultPlan;
 
@@ -37,11 +37,11 @@ fn a_drive_that_was_switched_on_again_is_met_soon_after_it_can_hear() {
         rig.pass(deaf);
         assert_eq!(
             rig.view(0).snapshot.presence,
-            Presence::Offline,
+            DrivePresence::Offline,
             "silence is told all the same"
         );
         let hears = rig.now;
-        while rig.view(0).snapshot.presence == Presence::Offline {
+        while rig.view(0).snapshot.presence == DrivePresence::Offline {
             rig.step(rig.now + SECOND);
         }
         let met = rig.now.since(hears);
@@ -103,7 +103,7 @@ fn nothing_but_a_stop_goes_to_a_drive_that_is_known_to_be_deaf() {
     );
     assert_eq!(
         rig.view(0).snapshot.presence,
-        Presence::Online,
+        DrivePresence::Online,
         "its silence tells nothing"
     );
     rig.bus.set_faults(FaultPlan::NONE);

@@ -6,9 +6,9 @@ use vfd_gateway::domain::command::{Outcome, Reason};
 use vfd_gateway::domain::control::ControlSettings;
 use vfd_gateway::domain::ids::{AskerId, Station};
 use vfd_gateway::domain::link::PortKind;
-use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, Refusal};
+use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, NativeRefusal};
 use vfd_gateway::domain::report::LineFault;
-use vfd_gateway::gateway::{COMMANDS_MAX, Input, REQUESTS_MAX, WAITERS_MAX};
+use vfd_gateway::gateway::{COMMANDS_MAX, LineInput, REQUESTS_MAX, WAITERS_MAX};
 use vfd_gateway::line::schedule::READS_MAX;
 
 fn outcomes(rig: &mut Rig) -> Vec<NativeOutcome> {
@@ -25,21 +25,23 @@ fn a_lost_port_answers_all_who_wait() {
     rig.read(1, 0, PROOF, 1);
     rig.read(2, 0, PROOF, 2);
     assert_eq!(rig.sent.len(), 1, "one is on the wire");
-    rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
+    rig.core
+        .handle(rig.now, LineInput::PortDown(LineFault::Gone));
     rig.settle();
     assert_eq!(
         outcomes(&mut rig),
         [
             NativeOutcome::NoReply,
-            NativeOutcome::Refused(Refusal::LineDown)
+            NativeOutcome::Refused(NativeRefusal::LineDown)
         ]
     );
     rig.read(1, 0, PROOF, 1);
     assert_eq!(
         outcomes(&mut rig),
-        [NativeOutcome::Refused(Refusal::LineDown)]
+        [NativeOutcome::Refused(NativeRefusal::LineDown)]
     );
-    rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
+    rig.core
+        .handle(rig.now, LineInput::PortUp(PortKind::Serial));
     // The exchange on the wire may still be answered: another word count is sent first.
     let again = rig.read(1, 0, PROOF, 1);
     assert!(matches!(rig.answer_to(again), NativeOutcome::Words(_)));
@@ -93,7 +95,7 @@ fn full_queues_refuse_and_grow_no_further() {
     assert!(
         refused
             .iter()
-            .all(|outcome| *outcome == NativeOutcome::Refused(Refusal::QueueFull))
+            .all(|outcome| *outcome == NativeOutcome::Refused(NativeRefusal::QueueFull))
     );
     // The first went on the wire at once.
     assert_eq!(refused.len() as u64, asked - READS_MAX as u64 - 1);
@@ -136,7 +138,7 @@ fn commands_beyond_the_bound_are_refused_and_a_stop_is_not() {
     }
     assert_eq!(
         outcomes(&mut rig),
-        vec![NativeOutcome::Refused(Refusal::QueueFull); 3]
+        vec![NativeOutcome::Refused(NativeRefusal::QueueFull); 3]
     );
     let stop = rig.ask(
         50,
@@ -177,11 +179,11 @@ fn the_table_of_bounds_names_every_queue_as_it_is() {
     let rows = [
         (
             "Modbus TCP connections",
-            vfd_gateway::north::modbus::Slots::MOST,
+            vfd_gateway::north::modbus::ClientSlots::MOST,
         ),
         (
             "requests of a connection",
-            vfd_gateway::north::modbus::Limits::default().pending_max,
+            vfd_gateway::north::modbus::ConnectionLimits::default().pending_max,
         ),
         ("messages for a line: reads", inbox::INBOX_MAX),
         ("then writes, commands, heartbeats", inbox::COMMANDS_MAX),
@@ -220,7 +222,7 @@ fn an_asker_that_is_gone_takes_its_reads_along() {
     for n in 0..16 {
         rig.read(2, 0, PROOF + n, 2);
     }
-    rig.core.handle(rig.now, Input::AskerGone(AskerId(2)));
+    rig.core.handle(rig.now, LineInput::AskerGone(AskerId(2)));
     rig.run_until(rig.now + Duration::from_secs(2), |_, answer| {
         assert_eq!(answer.asker, AskerId(1))
     });

@@ -7,8 +7,8 @@ use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Outcome, Reason};
 use vfd_gateway::domain::ids::{DriveIndex, Station};
 use vfd_gateway::domain::native::NativeOutcome;
-use vfd_gateway::drive::snapshot::Presence;
-use vfd_gateway::gateway::Note;
+use vfd_gateway::drive::snapshot::DrivePresence;
+use vfd_gateway::gateway::DriveNote;
 use vfd_gateway::profile::check;
 use vfd_gateway::profile::model::ExceptionKind::{self, Busy, DamagedFrame, InTrip, Locked};
 
@@ -51,7 +51,10 @@ fn a_stop_that_the_drive_is_too_busy_for_is_sent_again_soon_and_is_no_refusal() 
             "{:?}",
             rig.told(stop)
         );
-        let refused = rig.notes.iter().any(|(_, note)| *note == Note::StopRefused);
+        let refused = rig
+            .notes
+            .iter()
+            .any(|(_, note)| *note == DriveNote::StopRefused);
         assert!(!refused, "nobody is told that the drive refuses to stop");
         // Each time it is left alone for 200 ms, but not longer.
         assert!(
@@ -118,7 +121,7 @@ fn a_read_is_tried_once_more_after_a_while() {
     assert_eq!(rig.answer_to(read), busy, "then its client decides");
     objects(&mut rig, Locked, 1);
     rig.pass(SECOND);
-    assert_eq!(rig.view(0).snapshot.presence, Presence::Online);
+    assert_eq!(rig.view(0).snapshot.presence, DrivePresence::Online);
 }
 
 #[test]
@@ -186,7 +189,7 @@ fn a_damaged_request_in_the_middle_of_a_burst_is_treated_as_a_damaged_reply() {
     assert_eq!(rig.written(0x0002), [4000]);
     assert_eq!(
         rig.core.snapshot(DriveIndex(0)).unwrap().presence,
-        Presence::Online
+        DrivePresence::Online
     );
 }
 

@@ -3,21 +3,21 @@
 
 use crate::support::{MQTT, PROOF, Rig, RigOptions, STOP, plc, run, setpoint};
 use std::time::Duration;
-use vfd_gateway::domain::address::Table;
+use vfd_gateway::domain::address::DataTable;
 use vfd_gateway::domain::command::{Direction, Outcome, Reason};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::link::{EchoPolicy, PortKind};
-use vfd_gateway::domain::native::{NativeOutcome, Refusal};
+use vfd_gateway::domain::native::{NativeOutcome, NativeRefusal};
 use vfd_gateway::domain::report::{LineFault, LineState};
-use vfd_gateway::domain::suspicion::Suspicion;
+use vfd_gateway::domain::suspicion::LineSuspicion;
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::gateway::{Input, LineNote};
+use vfd_gateway::gateway::{LineInput, LineNote};
 use vfd_gateway::sim::FaultPlan;
 use vfd_gateway::wire::{framing, pdu};
 
 const RUN: u16 = 0x0002;
 const FREQUENCY: u16 = 0x0004;
-const LINE_DOWN: NativeOutcome = NativeOutcome::Refused(Refusal::LineDown);
+const LINE_DOWN: NativeOutcome = NativeOutcome::Refused(NativeRefusal::LineDown);
 
 fn ms(millis: u64) -> Duration {
     Duration::from_millis(millis)
@@ -67,14 +67,14 @@ fn babble(rig: &mut Rig, time: Duration) {
     let end = rig.now + time;
     while rig.now < end {
         wait(rig, ms(1));
-        rig.core.handle(rig.now, Input::Bytes(&[0x55]));
+        rig.core.handle(rig.now, LineInput::Bytes(&[0x55]));
         rig.settle();
     }
 }
 
 fn reopen(rig: &mut Rig, fault: LineFault, kind: PortKind) {
-    rig.core.handle(rig.now, Input::PortDown(fault));
-    rig.core.handle(rig.now, Input::PortUp(kind));
+    rig.core.handle(rig.now, LineInput::PortDown(fault));
+    rig.core.handle(rig.now, LineInput::PortUp(kind));
 }
 
 fn starts_running(rig: &mut Rig) {
@@ -92,7 +92,7 @@ fn an_echo_takes_the_line_down_once_and_only_reads_and_stops_go_on() {
         |mut rig| {
             assert_eq!(state(&rig), (LineState::Down, Some(LineFault::Echo)));
             assert_eq!(told(&rig), [LineNote::Down(LineFault::Echo)]);
-            assert_eq!(rig.core.report().suspicion, Some(Suspicion::Echo));
+            assert_eq!(rig.core.report().suspicion, Some(LineSuspicion::Echo));
             assert_eq!(
                 rig.commanded(MQTT, run(Direction::Forward, Some(3000))),
                 (Outcome::Refused, Reason::LineDown)
@@ -230,7 +230,7 @@ fn a_babbling_node_jams_the_line_once_and_everything_that_waits_is_answered() {
             // Clear of the exchange that is on the wire.
             rig.pass(ms(100));
             babble(&mut rig, ms(5));
-            rig.core.handle(rig.now, Input::PathAlive(MQTT.owner));
+            rig.core.handle(rig.now, LineInput::PathAlive(MQTT.owner));
             let read = rig.read(1, 0, PROOF, 1);
             let begun = rig.now;
             babble(&mut rig, Duration::from_secs(2));
@@ -304,7 +304,7 @@ fn after_a_suspension_a_stop_waits_for_silence_though_the_line_was_jammed_before
     assert_eq!(told(&rig), [LineNote::Down(LineFault::Jammed)]);
     // The babble ends meanwhile, and what is read first is old.
     rig.now = rig.now + Duration::from_secs(5);
-    rig.core.handle(rig.now, Input::Bytes(&[0x55; 200]));
+    rig.core.handle(rig.now, LineInput::Bytes(&[0x55; 200]));
     rig.sent.clear();
     rig.command(plc(1), 0, STOP);
     assert!(
@@ -497,9 +497,9 @@ fn a_drive_that_is_bad_alone_is_suspended_alone() {
 #[test]
 fn what_is_wrong_is_diagnosed_from_what_is_heard() {
     for (plan, expected) in [
-        ("lost=1000", Suspicion::NothingHeard),
-        ("flip=1000", Suspicion::AlwaysDamaged),
-        ("cut=1000", Suspicion::DrivesAreFaster),
+        ("lost=1000", LineSuspicion::NothingHeard),
+        ("flip=1000", LineSuspicion::AlwaysDamaged),
+        ("cut=1000", LineSuspicion::DrivesAreFaster),
     ] {
         let mut rig = Rig::new(&RigOptions {
             poll: Duration::from_secs(1),
@@ -541,11 +541,14 @@ fn another_master_is_reported_and_its_requests_are_nobodys_answers() {
         let mut request = Vec::new();
         framing::encode(framing, &mut request, 1, |out| out.extend([3, 0, 1, 0, 1]));
         for _ in 0..6 {
-            rig.core.handle(rig.now, Input::Bytes(&request));
+            rig.core.handle(rig.now, LineInput::Bytes(&request));
             rig.pass(Duration::from_secs(5));
         }
         assert_eq!(rig.core.counters().other_master, 6);
-        assert_eq!(rig.core.report().suspicion, Some(Suspicion::OtherMaster));
+        assert_eq!(
+            rig.core.report().suspicion,
+            Some(LineSuspicion::OtherMaster)
+        );
         assert!(!rig.view(0).is_online(), "who is asked has not spoken");
     });
 }
@@ -569,14 +572,14 @@ fn two_replies_to_one_request_name_the_station() {
             let is_ascii = rig.sent.last().is_some_and(|sent| sent.frame[0] == b':');
             let mut second = Vec::new();
             framing::encode(framing_of(is_ascii), &mut second, 1, |out| {
-                pdu::encode_read_reply(out, Table::Holding, &words)
+                pdu::encode_read_reply(out, DataTable::Holding, &words)
             });
-            rig.core.handle(rig.now, Input::Bytes(&second));
+            rig.core.handle(rig.now, LineInput::Bytes(&second));
             rig.pass(Duration::from_secs(1));
         }
         assert_eq!(
             rig.core.report().suspicion,
-            Some(Suspicion::DuplicateStation(Station(1)))
+            Some(LineSuspicion::DuplicateStation(Station(1)))
         );
     });
 }
@@ -644,7 +647,7 @@ fn a_reply_with_a_hole_of_an_adapter_is_one_reply() {
             assert!(reply.len() > cut, "{cut}");
             for (at, part) in [(ms(0), &reply[..cut]), (ms(16), &reply[cut..])] {
                 rig.now = rig.now.max(end + at);
-                rig.core.handle(rig.now, Input::Bytes(part));
+                rig.core.handle(rig.now, LineInput::Bytes(part));
                 rig.settle();
                 wait(&mut rig, ms(15));
             }

@@ -6,15 +6,15 @@ use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Outcome, Reason, RunIntent};
 use vfd_gateway::domain::ids::Station;
-use vfd_gateway::gateway::Note;
-use vfd_gateway::journal::{Attempt, Entry};
-use vfd_gateway::profile::model::{Flag, Model};
+use vfd_gateway::gateway::DriveNote;
+use vfd_gateway::journal::{JournalEntry, WriteAttempt};
+use vfd_gateway::profile::model::{IndicatedState, Model};
 
 const SECOND: Duration = Duration::from_secs(1);
 
 fn is_proven(model: &Model) -> bool {
     model
-        .status_flag(Flag::Running)
+        .status_flag(IndicatedState::Running)
         .is_some_and(|flag| flag.confidence.is_proven())
 }
 
@@ -42,7 +42,7 @@ fn stopped_by_a_key(model: &Arc<Model>) -> Rig {
 fn told(rig: &Rig) -> usize {
     rig.notes
         .iter()
-        .filter(|(_, note)| *note == Note::StoppedElsewhere)
+        .filter(|(_, note)| *note == DriveNote::StoppedElsewhere)
         .count()
 }
 
@@ -67,7 +67,7 @@ fn a_drive_that_was_stopped_elsewhere_is_no_longer_ordered_to_run() {
             Some(Reason::StoppedElsewhere)
         );
         assert_eq!(told(&rig), 1);
-        let of_it = |entry: &&&Entry| matches!(entry, Entry::Attempt(Attempt { report: Some(report), .. }) if report.reason == Reason::StoppedElsewhere);
+        let of_it = |entry: &&&JournalEntry| matches!(entry, JournalEntry::Attempt(WriteAttempt { report: Some(report), .. }) if report.reason == Reason::StoppedElsewhere);
         assert_eq!(rig.entries().iter().filter(of_it).count(), 1);
         assert!(rig.writes().is_empty(), "nothing restarts it");
         rig.live(SECOND * 30);

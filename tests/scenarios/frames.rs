@@ -1,10 +1,10 @@
 //! Every frame printed in the manuals, in both directions: as values, as bytes, and as received on a line.
 
 use serde_json::Value;
-use vfd_gateway::domain::address::Table;
+use vfd_gateway::domain::address::DataTable;
 use vfd_gateway::domain::link::Framing;
-use vfd_gateway::wire::frame::{Expected, FoundFrame};
-use vfd_gateway::wire::framing::Assembler;
+use vfd_gateway::wire::frame::{ExpectedFrame, FoundFrame};
+use vfd_gateway::wire::framing::FrameAssembler;
 use vfd_gateway::wire::pdu::{Reply, Request, encode_read_reply};
 use vfd_gateway::wire::rtu;
 
@@ -82,9 +82,9 @@ impl Entry {
         }
     }
 
-    fn expected(&self) -> Expected {
+    fn expected(&self) -> ExpectedFrame {
         let adu_bytes = if self.function == 3 { 7 } else { 8 };
-        Expected {
+        ExpectedFrame {
             station: self.station,
             function: self.function,
             adu_bytes,
@@ -126,10 +126,10 @@ fn replies() -> Vec<(Entry, Vec<u8>)> {
 
 /// Everything that an assembler finds in `chunks`, and what is left once the line is silent.
 fn heard<'a>(
-    expected: Expected,
+    expected: ExpectedFrame,
     chunks: impl IntoIterator<Item = &'a [u8]>,
 ) -> (Vec<FoundFrame>, Vec<u8>) {
-    let mut assembler = Assembler::new(Framing::Rtu);
+    let mut assembler = FrameAssembler::new(Framing::Rtu);
     let mut found = Vec::new();
     for chunk in chunks {
         assembler.push(chunk);
@@ -207,7 +207,7 @@ fn replies_mean_what_the_table_says_and_format_back() {
         assert_eq!(reply, Some(entry.reply()), "{}", entry.what);
         let mut again = Vec::new();
         rtu::encode(&mut again, station, |out| match entry.reply() {
-            Reply::Words(words) => encode_read_reply(out, Table::Holding, &words),
+            Reply::Words(words) => encode_read_reply(out, DataTable::Holding, &words),
             _ => entry.asked().encode(out),
         });
         assert_eq!(again, adu, "{}", entry.what);

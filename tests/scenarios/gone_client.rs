@@ -6,8 +6,8 @@ use vfd_gateway::domain::command::Direction::{Forward, Reverse};
 use vfd_gateway::domain::command::{Order, Origin, Outcome, Reason, RunIntent};
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::{AskerId, Station, Ticket};
-use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, Refusal};
-use vfd_gateway::gateway::Input;
+use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, NativeRefusal};
+use vfd_gateway::gateway::LineInput;
 
 const RUN: u16 = 0x0002;
 const FREQUENCY: u16 = 0x0004;
@@ -42,7 +42,8 @@ fn order(rig: &mut Rig, asker: u64, origin: Origin, order: Order) -> Ticket {
 }
 
 fn leaves(rig: &mut Rig) {
-    rig.core.handle(rig.now, Input::AskerGone(AskerId(GONE)));
+    rig.core
+        .handle(rig.now, LineInput::AskerGone(AskerId(GONE)));
     rig.settle();
 }
 
@@ -255,7 +256,7 @@ fn writes_to_the_drives_own_registers_are_withdrawn_too() {
     leaves(&mut rig);
     assert_eq!(
         rig.answer_to(ramp),
-        NativeOutcome::Refused(Refusal::Guard(Reason::CommanderLost))
+        NativeOutcome::Refused(NativeRefusal::Guard(Reason::CommanderLost))
     );
     rig.pass(Duration::from_secs(1));
     assert_eq!(rig.writes(), Vec::<Vec<u8>>::new());

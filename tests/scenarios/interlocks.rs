@@ -8,8 +8,8 @@ use vfd_gateway::domain::command::{Direction, Order, Origin, Outcome, Reason, Ru
 use vfd_gateway::domain::control::ControlSettings;
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::Station;
-use vfd_gateway::journal::Remembered;
-use vfd_gateway::profile::model::{Flag, Model};
+use vfd_gateway::journal::RememberedDrive;
+use vfd_gateway::profile::model::{IndicatedState, Model};
 
 const SECOND: Duration = Duration::from_secs(1);
 const FORWARD: Direction = Direction::Forward;
@@ -163,7 +163,7 @@ fn a_motor_that_was_started_in_reverse_elsewhere_is_not_reversed_at_speed() {
     let mut seen = Vec::new();
     for model in models()
         .iter()
-        .filter(|model| model.status_flag(Flag::Reverse).is_some())
+        .filter(|model| model.status_flag(IndicatedState::Reverse).is_some())
     {
         seen.push(model.id.clone());
         let reverse_below = Hertz::from_centihertz(1000);
@@ -177,7 +177,7 @@ fn a_motor_that_was_started_in_reverse_elsewhere_is_not_reversed_at_speed() {
         is_taken(&mut rig, run(Direction::Reverse, Some(3000)));
         rig.live(SECOND * 15);
         assert!(rig.output(1) < -1000, "{}", model.id);
-        rig.restart(Remembered::default());
+        rig.restart(RememberedDrive::default());
         rig.live(SECOND * 5);
         assert!(rig.output(1) < -1000, "{}: it goes on turning", model.id);
         rig.sent.clear();
@@ -262,9 +262,11 @@ fn a_drive_that_obeys_its_panel_is_refused_and_not_left_unanswered() {
     let mut seen = Vec::new();
     for model in models() {
         // What the drive shows of its sources, and a word there that is not the bus.
-        let told = model.status_flag(Flag::BusRun).map(|flag| flag.address);
+        let told = model
+            .status_flag(IndicatedState::BusRun)
+            .map(|flag| flag.address);
         let source = model
-            .register_for(vfd_gateway::profile::model::Role::RunSource)
+            .register_for(vfd_gateway::profile::model::RegisterRole::RunSource)
             .map(|register| register.address);
         let (Some(_), Some(source)) = (told, source) else {
             continue;

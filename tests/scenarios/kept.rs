@@ -7,8 +7,8 @@ use vfd_gateway::domain::command::{Direction, Order, Outcome, Owner, Reason};
 use vfd_gateway::domain::control::FailSafe;
 use vfd_gateway::domain::ids::{AskerId, Station};
 use vfd_gateway::domain::native::NativeAsk;
-use vfd_gateway::gateway::{Input, Note, WAITERS_MAX};
-use vfd_gateway::journal::{AttemptId, Cause, Entry, Tried};
+use vfd_gateway::gateway::{DriveNote, LineInput, WAITERS_MAX};
+use vfd_gateway::journal::{AttemptId, FailSafeCause, JournalEntry, TriedWrite};
 
 const RUN: u16 = 0x0002;
 const WAIT: Duration = Duration::from_millis(20);
@@ -35,12 +35,12 @@ fn accounts(rig: &Rig) -> Vec<Option<(Outcome, Reason)>> {
     let mut first = None;
     for entry in rig.entries() {
         match entry {
-            Entry::Attempt(attempt) => {
+            JournalEntry::Attempt(attempt) => {
                 let first = *first.get_or_insert(attempt.id.0);
                 assert_eq!(attempt.id, AttemptId(first + accounts.len() as u64));
                 accounts.push(attempt.report.map(|it| (it.outcome, it.reason)));
             }
-            Entry::Ended { attempt, report } => {
+            JournalEntry::Ended { attempt, report } => {
                 let place = first
                     .and_then(|first| attempt.0.checked_sub(first))
                     .expect("an attempt before its end");
@@ -120,16 +120,16 @@ fn each_attempt_is_accounted_for_once() {
     assert_eq!(listed.unwrap().0, Outcome::Confirmed);
     assert_eq!(unknown.unwrap().0, Outcome::Refused);
     let attempts = rig.entries().into_iter().filter_map(|it| match it {
-        Entry::Attempt(attempt) => Some((attempt.owner, attempt.tried.clone())),
+        JournalEntry::Attempt(attempt) => Some((attempt.owner, attempt.tried.clone())),
         _ => None,
     });
     let attempts: Vec<_> = attempts.collect();
-    assert_eq!(attempts[3], (plc(1).owner, Tried::Order(STOP)));
+    assert_eq!(attempts[3], (plc(1).owner, TriedWrite::Order(STOP)));
     assert_eq!(
         attempts[5],
         (
             ORIGIN.owner,
-            Tried::Registers {
+            TriedWrite::Registers {
                 address: 0x0999_u16.into(),
                 values: vec![50]
             }
@@ -150,7 +150,8 @@ fn whatever_ends_an_attempt_is_its_end() {
     rig.settle();
     rig.pass(Duration::from_secs(15));
     rig.command_unsettled(MQTT, 0, setpoint(2000));
-    rig.core.handle(rig.now, Input::AskerGone(AskerId::MQTT));
+    rig.core
+        .handle(rig.now, LineInput::AskerGone(AskerId::MQTT));
     rig.settle();
     rig.command_unsettled(MQTT, 0, setpoint(2100));
     rig.reopen();
@@ -204,19 +205,21 @@ fn a_stop_ends_for_everybody_who_has_asked_for_it() {
     let ends: Vec<_> = rig
         .kept
         .iter()
-        .filter(|it| matches!(it.entry, Entry::Ended { .. }))
+        .filter(|it| matches!(it.entry, JournalEntry::Ended { .. }))
         .collect();
     assert_eq!(ends.len(), WAITERS_MAX + 2);
-    let stops = rig
-        .entries()
-        .into_iter()
-        .filter(|it| matches!(it, Entry::StopPending { .. } | Entry::StopOver { .. }));
-    let stops: Vec<Entry> = stops.cloned().collect();
+    let stops = rig.entries().into_iter().filter(|it| {
+        matches!(
+            it,
+            JournalEntry::StopPending { .. } | JournalEntry::StopOver { .. }
+        )
+    });
+    let stops: Vec<JournalEntry> = stops.cloned().collect();
     assert_eq!(
         stops,
         [
-            Entry::StopPending { coast: false },
-            Entry::StopOver { is_effective: true }
+            JournalEntry::StopPending { coast: false },
+            JournalEntry::StopOver { is_effective: true }
         ]
     );
 }
@@ -227,20 +230,24 @@ fn who_holds_control_is_kept_when_it_changes() {
     rig.command(MQTT, 0, run(Direction::Forward, Some(3000)));
     rig.live(Duration::from_secs(6));
     rig.pass(Duration::from_secs(20));
-    let said: Vec<Entry> = rig
+    let said: Vec<JournalEntry> = rig
         .entries()
         .into_iter()
-        .filter(|it| matches!(it, Entry::Lease(_) | Entry::FailSafe { .. }))
+        .filter(|it| matches!(it, JournalEntry::Lease(_) | JournalEntry::FailSafe { .. }))
         .cloned()
         .collect();
-    let lost = Entry::FailSafe {
+    let lost = JournalEntry::FailSafe {
         owner: Some(Owner::Mqtt),
         action: FailSafe::Stop,
-        cause: Cause::CommanderLost,
+        cause: FailSafeCause::CommanderLost,
     };
     assert_eq!(
         said,
-        [Entry::Lease(Some(Owner::Mqtt)), lost, Entry::Lease(None)]
+        [
+            JournalEntry::Lease(Some(Owner::Mqtt)),
+            lost,
+            JournalEntry::Lease(None)
+        ]
     );
 }
 
@@ -256,7 +263,11 @@ fn a_run_that_opens_a_lease_waits_for_its_row() {
     rig.all_is_kept();
     rig.pass(Duration::from_millis(100));
     assert_eq!(rig.written(RUN), [1]);
-    assert!(!rig.notes.iter().any(|(_, note)| *note == Note::JournalSlow));
+    assert!(
+        !rig.notes
+            .iter()
+            .any(|(_, note)| *note == DriveNote::JournalSlow)
+    );
     // The next order of its owner waits for nothing.
     let now = rig.now;
     rig.command(MQTT, 0, run(Direction::Forward, Some(2000)));
@@ -288,7 +299,7 @@ fn a_slow_journal_holds_no_run_back() {
     assert_eq!(
         rig.notes
             .iter()
-            .filter(|(_, note)| *note == Note::JournalSlow)
+            .filter(|(_, note)| *note == DriveNote::JournalSlow)
             .count(),
         1
     );
@@ -320,7 +331,9 @@ fn a_stop_waits_for_no_row() {
         frame.at.since(now)
     );
     assert!(
-        !rig.notes.iter().any(|(_, note)| *note == Note::JournalSlow),
+        !rig.notes
+            .iter()
+            .any(|(_, note)| *note == DriveNote::JournalSlow),
         "nothing went on without its row"
     );
 }
@@ -334,12 +347,12 @@ fn a_trip_is_shown_as_kept_once_it_is() {
     let trips: Vec<_> = rig
         .kept
         .iter()
-        .filter(|it| matches!(it.entry, Entry::Trip(..)))
+        .filter(|it| matches!(it.entry, JournalEntry::Trip(..)))
         .collect();
     let [keep] = trips[..] else {
         panic!("{trips:?}")
     };
-    let Entry::Trip(event, baseline) = &keep.entry else {
+    let JournalEntry::Trip(event, baseline) = &keep.entry else {
         panic!()
     };
     assert_eq!((event.count, baseline.count), (Some(1), Some(1)));
@@ -349,7 +362,7 @@ fn a_trip_is_shown_as_kept_once_it_is() {
         (view.trip.seen, view.trip_kept.total, view.trip_kept.count),
         (1, 0, Some(0))
     );
-    rig.core.handle(rig.now, Input::Kept(row));
+    rig.core.handle(rig.now, LineInput::Kept(row));
     let kept = rig.view(0).trip_kept;
     assert_eq!(
         (kept.total, kept.count, kept.last_code),

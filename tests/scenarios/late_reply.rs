@@ -3,7 +3,7 @@
 use crate::support::{PROOF, Rig, RigOptions};
 use std::time::Duration;
 use vfd_gateway::domain::native::NativeOutcome;
-use vfd_gateway::journal::Remembered;
+use vfd_gateway::journal::RememberedDrive;
 use vfd_gateway::sim::{BusOptions, FaultPlan};
 
 fn late(per_mille: u16, drives: u8, seed: u64) -> Rig {
@@ -83,7 +83,7 @@ fn a_late_reply_from_before_a_kill_answers_nothing() {
         for life in 0..20 {
             let late_before = rig.bus.report().replies_late;
             walk(&mut rig, 2, late_before + 1 + life % 3);
-            rig.restart(Remembered::default());
+            rig.restart(RememberedDrive::default());
         }
     }
 }

@@ -7,7 +7,7 @@ use vfd_gateway::domain::control::ControlSettings;
 use vfd_gateway::domain::ids::{DriveIndex, Station};
 use vfd_gateway::domain::native::NativeOutcome;
 use vfd_gateway::domain::report::ReplyReport;
-use vfd_gateway::gateway::Input;
+use vfd_gateway::gateway::LineInput;
 use vfd_gateway::sim::{BusOptions, FaultPlan};
 
 const CAP: Duration = Duration::from_millis(200);
@@ -202,7 +202,7 @@ fn after_an_echo_in_doubt_the_right_one_is_reckoned_with_as_long_as_any() {
             .unwrap()
             .frame
             .clone();
-        rig.core.handle(rig.now, Input::Bytes(&frame));
+        rig.core.handle(rig.now, LineInput::Bytes(&frame));
         rig.settle();
     };
     until_sent(&mut rig, 2);

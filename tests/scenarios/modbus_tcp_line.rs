@@ -5,12 +5,12 @@ use crate::support::{MQTT, PROOF, Rig, RigOptions, STOP, plc, run, setpoint};
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction::Forward, Outcome, Reason};
 use vfd_gateway::domain::ids::Station;
-use vfd_gateway::domain::native::{NativeOutcome, Refusal};
+use vfd_gateway::domain::native::{NativeOutcome, NativeRefusal};
 use vfd_gateway::domain::report::{LineFault, LineState};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::drive::snapshot::Presence;
+use vfd_gateway::drive::snapshot::DrivePresence;
 use vfd_gateway::drive::view::RunState;
-use vfd_gateway::gateway::Input;
+use vfd_gateway::gateway::LineInput;
 use vfd_gateway::sim::{BusOptions, FaultPlan};
 use vfd_gateway::wire::mbap;
 
@@ -174,7 +174,7 @@ fn one_request_is_on_the_connection_at_a_time() {
     rig.pass(Duration::from_secs(60));
     let mut open: Option<MonoTime> = None;
     for record in &rig.traffic {
-        match record.kind.word() {
+        match record.kind.keyword() {
             "request" => {
                 let ended = open
                     .replace(record.begin)
@@ -232,8 +232,8 @@ fn the_late_reply_to_a_stop_acknowledges_no_later_stop() {
     let before = rig.written(RUN).len();
     until(&mut rig, |rig| rig.written(RUN).len() > before);
     // The drive has heard neither of them. Two copies of the first reply come while the second is waited for.
-    rig.core.handle(rig.now, Input::Bytes(&late));
-    rig.core.handle(rig.now, Input::Bytes(&late));
+    rig.core.handle(rig.now, LineInput::Bytes(&late));
+    rig.core.handle(rig.now, LineInput::Bytes(&late));
     rig.settle();
     rig.pass(TIMEOUT * 2);
     let is_taken =
@@ -310,7 +310,7 @@ fn a_reply_of_an_earlier_connection_answers_nothing_on_the_next() {
     assert_eq!(rig.answer_to(ticket), NativeOutcome::NoReply);
     rig.open();
     let ticket = rig.read(1, 0, PROOF, 1);
-    rig.core.handle(rig.now, Input::Bytes(&of_earlier));
+    rig.core.handle(rig.now, LineInput::Bytes(&of_earlier));
     rig.settle();
     assert_eq!(
         rig.answer_to(ticket),
@@ -327,8 +327,8 @@ fn a_stream_out_of_step_is_given_up_before_anything_else_is_sent() {
     let sent = rig.sent.len();
     let waiting = rig.read(1, 0, PROOF, 1);
     rig.core
-        .handle(rig.now, Input::Bytes(b"HTTP/1.1 400 Bad Request\r\n"));
-    rig.core.handle(rig.now, Input::Bytes(&[0; 300]));
+        .handle(rig.now, LineInput::Bytes(b"HTTP/1.1 400 Bad Request\r\n"));
+    rig.core.handle(rig.now, LineInput::Bytes(&[0; 300]));
     rig.settle();
     assert_eq!(
         rig.reopens
@@ -345,12 +345,12 @@ fn a_stream_out_of_step_is_given_up_before_anything_else_is_sent() {
     );
     assert_eq!(
         rig.answer_to(waiting),
-        NativeOutcome::Refused(Refusal::LineDown)
+        NativeOutcome::Refused(NativeRefusal::LineDown)
     );
     let refused = rig.read(1, 0, PROOF, 1);
     assert_eq!(
         rig.answer_to(refused),
-        NativeOutcome::Refused(Refusal::LineDown)
+        NativeOutcome::Refused(NativeRefusal::LineDown)
     );
     rig.pass(Duration::from_secs(5));
     assert_eq!(
@@ -378,7 +378,7 @@ fn a_lease_ends_on_a_connection_whose_replies_are_late() {
 
 /// The server has closed the connection, as some do behind each reply.
 fn parts(rig: &mut Rig) {
-    rig.core.handle(rig.now, Input::ConnectionClosed);
+    rig.core.handle(rig.now, LineInput::ConnectionClosed);
     rig.bus.hang_up(rig.now);
     rig.settle();
 }
@@ -388,7 +388,7 @@ fn connects(rig: &mut Rig) {
         rig.core.connects_at().is_some_and(|at| at <= rig.now),
         "a frame is due"
     );
-    rig.core.handle(rig.now, Input::ConnectionBack);
+    rig.core.handle(rig.now, LineInput::ConnectionBack);
     rig.settle();
 }
 
@@ -479,12 +479,12 @@ fn a_drive_that_a_converter_does_not_reach_is_silent() {
         let ticket = rig.command(MQTT, 0, setpoint(3000));
         until_sent(&mut rig, 6);
         let refusal = answer_to_newest(&rig, &[0x86, code]);
-        rig.core.handle(rig.now, Input::Bytes(&refusal));
+        rig.core.handle(rig.now, LineInput::Bytes(&refusal));
         rig.settle();
-        while rig.view(0).snapshot.presence != Presence::Offline {
+        while rig.view(0).snapshot.presence != DrivePresence::Offline {
             until_sent(&mut rig, 3);
             let silence = answer_to_newest(&rig, &[0x83, code]);
-            rig.core.handle(rig.now, Input::Bytes(&silence));
+            rig.core.handle(rig.now, LineInput::Bytes(&silence));
             rig.settle();
             let limit = rig.now + Duration::from_secs(60);
             assert!(rig.step(limit));
@@ -500,7 +500,7 @@ fn a_drive_that_a_converter_does_not_reach_is_silent() {
         assert_eq!(rig.writes().len(), writes, "nothing is written again");
         rig.bus.set_powered(rig.now, Station(1), true);
         rig.pass(Duration::from_secs(60));
-        assert_eq!(rig.view(0).snapshot.presence, Presence::Online);
+        assert_eq!(rig.view(0).snapshot.presence, DrivePresence::Online);
     }
 }
 
@@ -511,13 +511,13 @@ fn a_busy_drive_is_there() {
     rig.bus.set_powered(rig.now, Station(1), false);
     let ticket = rig.read(1, 0, PROOF, 1);
     let busy = answer_to_newest(&rig, &[0x83, 6]);
-    rig.core.handle(rig.now, Input::Bytes(&busy));
+    rig.core.handle(rig.now, LineInput::Bytes(&busy));
     rig.settle();
     assert!(matches!(
         rig.answer_to(ticket),
         NativeOutcome::DriveException { code: 6, .. }
     ));
-    assert_eq!(rig.view(0).snapshot.presence, Presence::Online);
+    assert_eq!(rig.view(0).snapshot.presence, DrivePresence::Online);
 }
 
 #[test]

@@ -11,8 +11,8 @@ use std::time::Duration;
 use vfd_gateway::domain::address::Address;
 use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason};
 use vfd_gateway::domain::ids::Station;
-use vfd_gateway::domain::traffic::{TrafficKind, TrafficRecord, Why};
-use vfd_gateway::profile::model::{Model, OrderKind, Register, Role};
+use vfd_gateway::domain::traffic::{FramePurpose, TrafficKind, TrafficRecord};
+use vfd_gateway::profile::model::{Model, OrderKind, Register, RegisterRole};
 use vfd_gateway::profile::words::FLAGS;
 use vfd_gateway::vendors;
 use vfd_gateway::wire::pdu::{Reply, Request};
@@ -21,16 +21,16 @@ const SECOND: Duration = Duration::from_secs(1);
 /// Most lines of a conversation: more is read by nobody.
 const LINES_MAX: usize = 80;
 /// The roles whose registers are shown wherever they are polled.
-const SHOWN: [Role; 9] = [
-    Role::RunCommand,
-    Role::Order,
-    Role::FrequencyCommand,
-    Role::FrequencySetting,
-    Role::OutputFrequency,
-    Role::TripCode,
-    Role::TripBits,
-    Role::TripCause,
-    Role::TripCount,
+const SHOWN: [RegisterRole; 9] = [
+    RegisterRole::RunCommand,
+    RegisterRole::Order,
+    RegisterRole::FrequencyCommand,
+    RegisterRole::FrequencySetting,
+    RegisterRole::OutputFrequency,
+    RegisterRole::TripCode,
+    RegisterRole::TripBits,
+    RegisterRole::TripCause,
+    RegisterRole::TripCount,
 ];
 /// Files in the same place that are about no model.
 const OTHERS: [&str; 4] = ["barrier", "dead_drive", "late_reply", "sharing"];
@@ -140,7 +140,12 @@ impl Told {
         );
         let _ = writeln!(self.text, "\n{name}");
         let mut exchanges = self.exchanges();
-        exchanges.retain(|(request, _)| matches!(request.why, Some(Why::Command | Why::Stop)));
+        exchanges.retain(|(request, _)| {
+            matches!(
+                request.why,
+                Some(FramePurpose::Command | FramePurpose::Stop)
+            )
+        });
         for (at, (request, reply)) in exchanges.iter().enumerate() {
             // A read that is repeated until its answer is right is shown once.
             let is_repeated = exchanges
@@ -157,9 +162,9 @@ impl Told {
         let reason = if outcome.1 == Reason::None {
             String::new()
         } else {
-            format!(", {}", outcome.1.word())
+            format!(", {}", outcome.1.keyword())
         };
-        let _ = writeln!(self.text, "   the order is {}{reason}", outcome.0.word());
+        let _ = writeln!(self.text, "   the order is {}{reason}", outcome.0.keyword());
     }
 
     /// Lets time pass, and tells what the drive shows at its end that it has not shown before.
@@ -336,7 +341,7 @@ impl Told {
             .orders_at(address)
             .find(|(_, fact)| fact.value == word)
         {
-            return format!("{name} = {}", kind.word());
+            return format!("{name} = {}", kind.keyword());
         }
         if model
             .start_steps()
@@ -393,12 +398,14 @@ impl Told {
             })
             .collect();
         let value = match register.role {
-            Some(Role::RunCommand | Role::Order) => self
+            Some(RegisterRole::RunCommand | RegisterRole::Order) => self
                 .written(register.address, held)
                 .split(" = ")
                 .nth(1)
                 .map(str::to_owned),
-            Some(Role::TripCode | Role::TripCause | Role::TripBits) if held != 0 => {
+            Some(RegisterRole::TripCode | RegisterRole::TripCause | RegisterRole::TripBits)
+                if held != 0 =>
+            {
                 let code = self
                     .model
                     .trip_codes

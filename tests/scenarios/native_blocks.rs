@@ -9,8 +9,8 @@ use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::address::Address;
 use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason};
-use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, Refusal};
-use vfd_gateway::profile::model::{Memory, Model};
+use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, NativeRefusal};
+use vfd_gateway::profile::model::{Model, RegisterMemory};
 use vfd_gateway::wire::pdu::function;
 
 /// Model, address of the run command, run, stop, and whether setpoint and run share a frame: only where that is proven.
@@ -191,7 +191,7 @@ fn with_many_registers() -> Arc<Model> {
             name,
             code,
             address: Address::holding(address),
-            memory: Some(Memory::Ram),
+            memory: Some(RegisterMemory::Ram),
             meanings: Vec::new(),
             ..like.clone()
         });
@@ -254,7 +254,7 @@ fn a_read_of_more_than_sixteen_frames_is_refused_whole() {
         let mut rig = quiet(id, accepting());
         assert_eq!(
             read(&mut rig, address, most + 1),
-            NativeOutcome::Refused(Refusal::TooManyFrames),
+            NativeOutcome::Refused(NativeRefusal::TooManyFrames),
             "{id}"
         );
         assert!(rig.sent.is_empty(), "{id}: {:02X?}", rig.frames());

@@ -9,7 +9,7 @@ use vfd_gateway::domain::control::ControlSettings;
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::native::NativeOutcome;
-use vfd_gateway::gateway::Input;
+use vfd_gateway::gateway::LineInput;
 use vfd_gateway::wire::rtu;
 
 const SECOND: Duration = Duration::from_secs(1);
@@ -210,7 +210,7 @@ fn every_code_of_a_vendor_is_passed_on_as_it_is() {
             let function = rig.writes()[0][0];
             let mut frame = Vec::new();
             rtu::encode(&mut frame, 1, |pdu| pdu.extend([function | 0x80, *code]));
-            rig.core.handle(now, Input::Bytes(&frame));
+            rig.core.handle(now, LineInput::Bytes(&frame));
             assert_eq!(
                 rig.outcome_of(ticket),
                 (Outcome::Failed, Reason::DriveException),

@@ -5,12 +5,12 @@ use crate::support::families::{accepting, listing, options_of, ready, refused, r
 use crate::support::{MQTT, Rig, RigOptions, STOP, run, setpoint};
 use std::sync::Arc;
 use std::time::Duration;
-use vfd_gateway::domain::address::{Address, Table};
+use vfd_gateway::domain::address::{Address, DataTable};
 use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::native::NativeOutcome;
 use vfd_gateway::drive::view::RunState;
-use vfd_gateway::gateway::Note;
+use vfd_gateway::gateway::DriveNote;
 use vfd_gateway::profile::check;
 use vfd_gateway::profile::model::{Model, ParameterKind};
 
@@ -31,7 +31,7 @@ fn words() -> Arc<Model> {
 /// The same drive with coils in the place of the three registers.
 fn coils() -> Arc<Model> {
     let mut model = check::model(ORDERS).unwrap();
-    let coil = |address: &mut Address| *address = Address::new(Table::Coil, address.number());
+    let coil = |address: &mut Address| *address = Address::new(DataTable::Coil, address.number());
     model.functions.value.extend([0x01, 0x05]);
     model.write.block = None;
     let run = model.run.as_mut().unwrap();
@@ -53,8 +53,8 @@ fn coils() -> Arc<Model> {
     Arc::new(model)
 }
 
-fn both() -> [(Arc<Model>, Table); 2] {
-    [(words(), Table::Holding), (coils(), Table::Coil)]
+fn both() -> [(Arc<Model>, DataTable); 2] {
+    [(words(), DataTable::Holding), (coils(), DataTable::Coil)]
 }
 
 /// The words written so far, each with its register.
@@ -74,9 +74,9 @@ fn orders(rig: &Rig) -> Vec<(u16, u16)> {
 }
 
 /// The PDU of a write of one word.
-fn pdu(table: Table, register: u16, word: u16) -> Vec<u8> {
-    let function = if table == Table::Coil { 5 } else { 6 };
-    let word = if table == Table::Coil {
+fn pdu(table: DataTable, register: u16, word: u16) -> Vec<u8> {
+    let function = if table == DataTable::Coil { 5 } else { 6 };
+    let word = if table == DataTable::Coil {
         word * 0xFF00
     } else {
         word
@@ -89,7 +89,7 @@ fn pdu(table: Table, register: u16, word: u16) -> Vec<u8> {
     .concat()
 }
 
-fn held(rig: &mut Rig, table: Table, register: u16) -> Option<u16> {
+fn held(rig: &mut Rig, table: DataTable, register: u16) -> Option<u16> {
     rig.bus
         .drive_mut(Station(1))
         .unwrap()
@@ -262,7 +262,7 @@ fn a_stop_between_reset_and_clear_leaves_no_reset_standing() {
         assert!(
             rig.notes
                 .iter()
-                .any(|(_, note)| *note == Note::ResetTakenBack)
+                .any(|(_, note)| *note == DriveNote::ResetTakenBack)
         );
     }
 }

@@ -5,15 +5,15 @@ use crate::support::{MQTT, Rig, RigOptions, STOP, control, plc, run};
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Order, Origin, Outcome, Owner};
 use vfd_gateway::domain::control::{ControlSettings, FailSafe};
-use vfd_gateway::domain::fail_safe::{Cause, FailSafeStage};
+use vfd_gateway::domain::fail_safe::{FailSafeCause, FailSafeStage};
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::DriveIndex;
 use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::domain::time::WallTime;
 use vfd_gateway::drive::sight::{LastSeen, SeenAt, SightView};
 use vfd_gateway::drive::view::RunState;
-use vfd_gateway::gateway::{Input, Note};
-use vfd_gateway::journal::{Entry, Remembered, RememberedLease};
+use vfd_gateway::gateway::{DriveNote, LineInput};
+use vfd_gateway::journal::{JournalEntry, RememberedDrive, RememberedLease};
 use vfd_gateway::sim::FaultPlan;
 
 const RUN: u16 = 0x0002;
@@ -43,7 +43,7 @@ fn running_by(origin: Origin, action: FailSafe) -> Rig {
     rig
 }
 
-fn stage(rig: &Rig) -> Option<(Cause, FailSafeStage)> {
+fn stage(rig: &Rig) -> Option<(FailSafeCause, FailSafeStage)> {
     rig.view(0)
         .control
         .unwrap()
@@ -84,7 +84,7 @@ fn a_pulled_cable_leaves_what_was_last_seen_and_a_commander_that_is_there() {
     assert!(
         rig.notes
             .iter()
-            .any(|(_, note)| matches!(note, Note::MayStillRun(Some(_)))),
+            .any(|(_, note)| matches!(note, DriveNote::MayStillRun(Some(_)))),
         "{:?}",
         rig.notes
     );
@@ -92,9 +92,12 @@ fn a_pulled_cable_leaves_what_was_last_seen_and_a_commander_that_is_there() {
     let sent = rig.sent.len();
     renew_in_vain(&mut rig, plc(1), LOST_AFTER + Duration::from_secs(5));
     // What is declared is due, because the drive could not be reached and not because its client was lost; nothing left.
-    assert_eq!(stage(&rig), Some((Cause::OutOfReach, FailSafeStage::Due)));
+    assert_eq!(
+        stage(&rig),
+        Some((FailSafeCause::OutOfReach, FailSafeStage::Due))
+    );
     assert_eq!(rig.sent.len(), sent);
-    let note = Note::OutOfReach {
+    let note = DriveNote::OutOfReach {
         owner: plc(1).owner,
         action: FailSafe::Stop,
     };
@@ -103,13 +106,14 @@ fn a_pulled_cable_leaves_what_was_last_seen_and_a_commander_that_is_there() {
         "{:?}",
         rig.notes
     );
+    assert!(!rig.notes.iter().any(|(_, it)| matches!(
+        it,
+        DriveNote::CommanderLost { .. } | DriveNote::NotEffective
+    )));
     assert!(
-        !rig.notes
+        rig.notes
             .iter()
-            .any(|(_, it)| matches!(it, Note::CommanderLost { .. } | Note::NotEffective))
-    );
-    assert!(
-        rig.notes.iter().any(|(_, it)| *it == Note::StopNotSent),
+            .any(|(_, it)| *it == DriveNote::StopNotSent),
         "{:?}",
         rig.notes
     );
@@ -124,11 +128,14 @@ fn a_pulled_cable_leaves_what_was_last_seen_and_a_commander_that_is_there() {
     while stage(&rig).is_some_and(|(_, stage)| stage == FailSafeStage::Due) && rig.now < end {
         rig.pass(Duration::from_millis(1));
     }
-    assert_eq!(stage(&rig), Some((Cause::OutOfReach, FailSafeStage::Sent)));
+    assert_eq!(
+        stage(&rig),
+        Some((FailSafeCause::OutOfReach, FailSafeStage::Sent))
+    );
     rig.pass(Duration::from_secs(40));
     assert_eq!(
         stage(&rig),
-        Some((Cause::OutOfReach, FailSafeStage::Effective))
+        Some((FailSafeCause::OutOfReach, FailSafeStage::Effective))
     );
     assert_eq!(
         (rig.output(1), rig.view(0).sight),
@@ -144,10 +151,12 @@ fn a_pulled_cable_leaves_what_was_last_seen_and_a_commander_that_is_there() {
         ],
         "as the journal has it"
     );
-    let sights = rig
-        .entries()
-        .into_iter()
-        .filter(|it| matches!(it, Entry::OutOfSight { .. } | Entry::InSight { .. }));
+    let sights = rig.entries().into_iter().filter(|it| {
+        matches!(
+            it,
+            JournalEntry::OutOfSight { .. } | JournalEntry::InSight { .. }
+        )
+    });
     assert_eq!(sights.count(), 2);
 }
 
@@ -159,15 +168,19 @@ fn a_stop_that_was_decided_on_and_not_written_was_not_sent() {
     rig.pass(LOST_AFTER + Duration::from_secs(5));
     assert_eq!(
         stage(&rig),
-        Some((Cause::CommanderLost, FailSafeStage::Due))
+        Some((FailSafeCause::CommanderLost, FailSafeStage::Due))
     );
     assert!(
-        rig.notes.iter().any(|(_, it)| *it == Note::StopNotSent),
+        rig.notes
+            .iter()
+            .any(|(_, it)| *it == DriveNote::StopNotSent),
         "{:?}",
         rig.notes
     );
     assert!(
-        !rig.notes.iter().any(|(_, it)| *it == Note::NotEffective),
+        !rig.notes
+            .iter()
+            .any(|(_, it)| *it == DriveNote::NotEffective),
         "{:?}",
         rig.notes
     );
@@ -175,15 +188,15 @@ fn a_stop_that_was_decided_on_and_not_written_was_not_sent() {
     rig.pass(Duration::from_secs(20));
     assert_eq!(
         stage(&rig),
-        Some((Cause::CommanderLost, FailSafeStage::Effective))
+        Some((FailSafeCause::CommanderLost, FailSafeStage::Effective))
     );
     assert_eq!(rig.output(1), 0);
 }
 
-fn stage_in(entry: &Entry) -> Option<FailSafeStage> {
+fn stage_in(entry: &JournalEntry) -> Option<FailSafeStage> {
     match entry {
-        Entry::FailSafe { .. } => Some(FailSafeStage::Due),
-        Entry::FailSafeCame(run) => Some(run.stage),
+        JournalEntry::FailSafe { .. } => Some(FailSafeStage::Due),
+        JournalEntry::FailSafeCame(run) => Some(run.stage),
         _ => None,
     }
 }
@@ -195,7 +208,7 @@ fn a_client_that_falls_silent_while_the_line_is_down_is_a_lost_commander() {
     rig.pass(LOST_AFTER + Duration::from_secs(1));
     assert_eq!(
         stage(&rig),
-        Some((Cause::CommanderLost, FailSafeStage::Due))
+        Some((FailSafeCause::CommanderLost, FailSafeStage::Due))
     );
 }
 
@@ -206,13 +219,16 @@ fn a_drive_that_falls_silent_while_it_runs_may_still_run() {
     rig.pass(Duration::from_secs(8));
     assert_eq!(seen(&rig), (true, THIRTY));
     renew_in_vain(&mut rig, plc(1), LOST_AFTER);
-    assert_eq!(stage(&rig).map(|(cause, _)| cause), Some(Cause::OutOfReach));
+    assert_eq!(
+        stage(&rig).map(|(cause, _)| cause),
+        Some(FailSafeCause::OutOfReach)
+    );
     rig.bus.set_faults("lost=0".parse().unwrap());
     rig.pass(Duration::from_secs(60));
     assert_eq!((seen(&rig), rig.output(1)), ((false, None), 0));
     assert_eq!(
         stage(&rig),
-        Some((Cause::OutOfReach, FailSafeStage::Effective))
+        Some((FailSafeCause::OutOfReach, FailSafeStage::Effective))
     );
 }
 
@@ -257,11 +273,11 @@ fn a_person_confirms_that_it_stands_and_that_sends_nothing_and_cancels_nothing()
     rig.command(plc(2), 0, STOP);
     rig.core.handle(
         rig.now,
-        Input::ConfirmStandstill(DriveIndex(0), Owner::Local),
+        LineInput::ConfirmStandstill(DriveIndex(0), Owner::Local),
     );
     rig.settle();
     assert_eq!(seen(&rig), (false, THIRTY));
-    let confirmed = Entry::InSight {
+    let confirmed = JournalEntry::InSight {
         confirmed_by: Some(Owner::Local),
     };
     assert_eq!(
@@ -273,7 +289,7 @@ fn a_person_confirms_that_it_stands_and_that_sends_nothing_and_cancels_nothing()
     );
     rig.core.handle(
         rig.now,
-        Input::ConfirmStandstill(DriveIndex(0), Owner::Local),
+        LineInput::ConfirmStandstill(DriveIndex(0), Owner::Local),
     );
     assert_eq!(
         rig.entries()
@@ -303,24 +319,24 @@ fn a_restart_does_not_forget_what_was_not_seen_to_stand() {
         output: Some(Hertz::from_millihertz(30_000)),
         at,
     });
-    let told = Remembered {
+    let told = RememberedDrive {
         may_still_run: true,
         last_seen,
-        ..Remembered::default()
+        ..RememberedDrive::default()
     };
     // A process that is killed while the drive runs has told nothing; it held a lease.
     let lease = Some(RememberedLease {
         owner: Owner::Mqtt,
         was_orphaned: false,
     });
-    let leased = Remembered {
+    let leased = RememberedDrive {
         lease,
-        ..Remembered::default()
+        ..RememberedDrive::default()
     };
     for (remembered, shown) in [
         (told, (true, THIRTY)),
         (leased, (true, None)),
-        (Remembered::default(), (false, None)),
+        (RememberedDrive::default(), (false, None)),
     ] {
         let mut rig = running_by(MQTT, FailSafe::Stop);
         rig.restart(remembered);
@@ -341,13 +357,16 @@ fn an_open_session_renews_nothing_while_the_drive_is_out_of_reach() {
     // It may hear what it does not answer.
     assert_eq!(
         stage(&rig),
-        Some((Cause::OutOfReach, FailSafeStage::Sent)),
+        Some((FailSafeCause::OutOfReach, FailSafeStage::Sent)),
         "as for a client whose orders are refused"
     );
     rig.bus.set_faults(FaultPlan::NONE);
     rig.live(Duration::from_secs(40));
     assert_eq!(
         (rig.output(1), stage(&rig)),
-        (0, Some((Cause::OutOfReach, FailSafeStage::Effective)))
+        (
+            0,
+            Some((FailSafeCause::OutOfReach, FailSafeStage::Effective))
+        )
     );
 }

@@ -6,11 +6,11 @@ use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Outcome, Reason};
 use vfd_gateway::domain::control::{ControlSettings, OnOutputOutside};
-use vfd_gateway::domain::fail_safe::Cause;
+use vfd_gateway::domain::fail_safe::FailSafeCause;
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::Station;
-use vfd_gateway::gateway::Note;
-use vfd_gateway::journal::Entry;
+use vfd_gateway::gateway::DriveNote;
+use vfd_gateway::journal::JournalEntry;
 
 const SECOND: Duration = Duration::from_secs(1);
 
@@ -38,7 +38,7 @@ fn alarms(rig: &Rig) -> usize {
         .filter(|(_, note)| {
             matches!(
                 note,
-                Note::OutputOutside {
+                DriveNote::OutputOutside {
                     is_scale_typed: true,
                     ..
                 }
@@ -89,11 +89,11 @@ fn it_is_stopped_where_that_is_configured() {
     assert_eq!((rig.output(1), alarms(&rig)), (0, 1));
     let control = rig.view(0).control.unwrap();
     assert!(control.start_inhibited);
-    let is_it = |entry: &&&Entry| {
+    let is_it = |entry: &&&JournalEntry| {
         matches!(
             entry,
-            Entry::FailSafe {
-                cause: Cause::OutputOutside,
+            JournalEntry::FailSafe {
+                cause: FailSafeCause::OutputOutside,
                 ..
             }
         )
@@ -114,7 +114,7 @@ fn a_ramp_and_a_motor_at_its_setpoint_are_none() {
             rig.commanded(MQTT, run(Direction::Forward, Some(centihertz)));
             rig.live(SECOND * 20);
         }
-        let is_alarm = |note: &Note| matches!(note, Note::OutputOutside { .. });
+        let is_alarm = |note: &DriveNote| matches!(note, DriveNote::OutputOutside { .. });
         assert!(
             !rig.notes.iter().any(|(_, note)| is_alarm(note)),
             "{id}: {:?}",
@@ -144,7 +144,9 @@ fn a_motor_that_others_hold_away_from_the_setpoint_is_told_until_it_is_right() {
         rig.live(SECOND * 20);
         assert!(!rig.view(0).control.unwrap().output_outside, "{id}");
         assert!(
-            rig.notes.iter().any(|(_, note)| *note == Note::OutputRight),
+            rig.notes
+                .iter()
+                .any(|(_, note)| *note == DriveNote::OutputRight),
             "{id}"
         );
     }
@@ -170,7 +172,7 @@ fn a_motor_that_stands_although_it_is_ordered_to_run_is_told() {
     rig.bus.drive_mut(Station(1)).unwrap().operate(now, None);
     rig.live(SECOND * 30);
     assert_eq!(rig.output(1), 0);
-    let is_alarm = |note: &Note| matches!(note, Note::OutputOutside { .. });
+    let is_alarm = |note: &DriveNote| matches!(note, DriveNote::OutputOutside { .. });
     assert_eq!(
         rig.notes.iter().filter(|(_, note)| is_alarm(note)).count(),
         1,

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Order, Outcome, Owner, Reason, RunIntent};
 use vfd_gateway::domain::control::{ControlSettings, LeaseMode, Ownership};
-use vfd_gateway::gateway::{Input, Note};
+use vfd_gateway::gateway::{DriveNote, LineInput};
 use vfd_gateway::profile::model::Model;
 
 const SECOND: Duration = Duration::from_secs(1);
@@ -81,7 +81,7 @@ fn control_that_is_taken_over_changes_nothing_on_the_drive() {
             "{}",
             model.id
         );
-        let taken = Note::Taken {
+        let taken = DriveNote::Taken {
             from: Some(Owner::Mqtt),
             by: plc(1).owner,
         };
@@ -120,7 +120,7 @@ fn control_that_is_taken_over_changes_nothing_on_the_drive() {
             model.id
         );
         let lost = rig.notes.iter().any(
-            |(_, it)| matches!(it, Note::CommanderLost { owner, .. } if *owner == plc(1).owner),
+            |(_, it)| matches!(it, DriveNote::CommanderLost { owner, .. } if *owner == plc(1).owner),
         );
         assert!(lost, "{:?}", rig.notes);
     }
@@ -231,7 +231,7 @@ fn an_explicit_lease_does_not_live_by_the_way_alone() {
         rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
         for _ in 0..5 {
             rig.pass(SECOND);
-            rig.core.handle(rig.now, Input::PathAlive(Owner::Mqtt));
+            rig.core.handle(rig.now, LineInput::PathAlive(Owner::Mqtt));
             rig.command(MQTT, 0, Order::Renew);
         }
         assert_eq!(owner(&rig), Some(Owner::Mqtt), "it says so itself");

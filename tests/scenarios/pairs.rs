@@ -4,7 +4,7 @@ use crate::support::families::{accepting, listing, ready, refused, rig_of, write
 use crate::support::{MQTT, STOP, run, setpoint};
 use std::sync::Arc;
 use std::time::Duration;
-use vfd_gateway::domain::command::{Direction, Go, Order, Outcome, Reason, RegisterWrite};
+use vfd_gateway::domain::command::{Direction, GoOrder, Order, Outcome, Reason, RegisterWrite};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::native::NativeOutcome;
 use vfd_gateway::profile::check;
@@ -182,7 +182,7 @@ fn half_of_a_parameter_is_refused_and_the_refusal_says_what_is_right() {
             "{address:04X} {values:?}"
         );
     }
-    let half = Order::Go(Go::new(vec![RegisterWrite::new(RAMP, 1)], None, None).unwrap());
+    let half = Order::Go(GoOrder::new(vec![RegisterWrite::new(RAMP, 1)], None, None).unwrap());
     assert_eq!(
         rig.commanded(MQTT, half),
         (Outcome::Refused, Reason::HalfAValue)
@@ -199,7 +199,8 @@ fn a_parameter_whose_write_is_not_answered_is_read_and_not_sent_again() {
     rig.live(SECOND * 3);
     rig.sent.clear();
     rig.swallows = Some(block_at(RAMP, THOUSAND));
-    let whole = Order::Go(Go::new(vec![RegisterWrite::pair(RAMP, THOUSAND)], None, None).unwrap());
+    let whole =
+        Order::Go(GoOrder::new(vec![RegisterWrite::pair(RAMP, THOUSAND)], None, None).unwrap());
     assert_eq!(
         rig.commanded(MQTT, whole).0,
         Outcome::Failed,

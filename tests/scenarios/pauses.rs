@@ -9,7 +9,7 @@ use vfd_gateway::domain::command::{Direction, Outcome, Reason};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::native::NativeOutcome;
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::drive::snapshot::Presence;
+use vfd_gateway::drive::snapshot::DrivePresence;
 use vfd_gateway::profile::check;
 
 const SECOND: Duration = Duration::from_secs(1);
@@ -175,7 +175,7 @@ fn a_deaf_drive_is_stopped_when_it_hears_again_and_its_neighbour_at_once() {
         reads.into_iter().all(|(at, _)| at >= hears),
         "nothing else is sent meanwhile"
     );
-    assert_eq!(rig.view(0).snapshot.presence, Presence::Online);
+    assert_eq!(rig.view(0).snapshot.presence, DrivePresence::Online);
     rig.live(SECOND * 15);
     assert_eq!((rig.output(1), rig.output(2)), (0, 0));
 }
@@ -193,6 +193,6 @@ fn a_write_without_a_reply_may_have_made_the_drive_deaf() {
     assert!(!sent_to(&rig, 2).is_empty());
     rig.live(SECOND * 3);
     assert!(sent_to(&rig, 1)[0].0.since(begun) >= DEAF);
-    assert_eq!(rig.view(0).snapshot.presence, Presence::Online);
+    assert_eq!(rig.view(0).snapshot.presence, DrivePresence::Online);
     assert!(rig.bus.drive(Station(1)).is_some());
 }

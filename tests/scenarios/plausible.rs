@@ -8,8 +8,8 @@ use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Outcome, Reason};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::drive::view::RunState;
-use vfd_gateway::gateway::Note;
-use vfd_gateway::profile::model::{Model, Register, Role};
+use vfd_gateway::gateway::DriveNote;
+use vfd_gateway::profile::model::{Model, Register, RegisterRole};
 
 const SECOND: Duration = Duration::from_secs(1);
 
@@ -71,7 +71,7 @@ fn a_drive_whose_addresses_are_off_by_one_shows_nothing_as_good_at_standstill_an
     let told = rig
         .notes
         .iter()
-        .filter(|(_, note)| matches!(note, Note::Implausible { .. }))
+        .filter(|(_, note)| matches!(note, DriveNote::Implausible { .. }))
         .count();
     assert!((1..=4).contains(&told), "{:?}", rig.notes);
 }
@@ -95,7 +95,7 @@ fn a_drive_that_is_one_of_its_model_is_believed_at_once() {
     let is_doubted = rig
         .notes
         .iter()
-        .any(|(_, note)| matches!(note, Note::Implausible { .. }));
+        .any(|(_, note)| matches!(note, DriveNote::Implausible { .. }));
     assert!(!is_doubted, "{:?}", rig.notes);
 }
 
@@ -105,7 +105,7 @@ fn orders_are_refused_with_the_reason_and_a_stop_goes_out() {
         let dc_link = model
             .registers
             .iter_mut()
-            .find(|it| it.role == Some(Role::DcLinkVoltage))
+            .find(|it| it.role == Some(RegisterRole::DcLinkVoltage))
             .unwrap();
         dc_link.plausible = Some(10..=20);
     });

@@ -8,7 +8,7 @@ use vfd_gateway::domain::ids::{AskerId, DriveIndex, Station};
 use vfd_gateway::domain::link::PortKind;
 use vfd_gateway::domain::native::NativeOutcome;
 use vfd_gateway::domain::report::LineFault;
-use vfd_gateway::gateway::Input;
+use vfd_gateway::gateway::LineInput;
 use vfd_gateway::profile::model::Model;
 use vfd_gateway::sim::{BadRequest, DriveOptions, SimDrive};
 
@@ -76,8 +76,10 @@ fn a_drive_that_refuses_a_read_over_a_hole_is_read_group_by_group() {
     for bad_request in [BadRequest::AsDocumented, BadRequest::Silence] {
         let mut rig = polled(bad_request);
         knows_no_hole(&mut rig, bad_request);
-        rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
-        rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
+        rig.core
+            .handle(rig.now, LineInput::PortDown(LineFault::Gone));
+        rig.core
+            .handle(rig.now, LineInput::PortUp(PortKind::Serial));
         rig.sent.clear();
         rig.pass(60 * SECOND);
         let tries = if bad_request == BadRequest::AsDocumented {
@@ -97,8 +99,10 @@ fn a_drive_that_refuses_a_read_over_a_hole_is_read_group_by_group() {
             .since(rig.view(0).snapshot.reading(0x301B).expect("it is read").at);
         assert!(age <= 5 * SECOND, "{bad_request:?}: {age:?}");
         // After the port is reopened, there may be another drive.
-        rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
-        rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
+        rig.core
+            .handle(rig.now, LineInput::PortDown(LineFault::Gone));
+        rig.core
+            .handle(rig.now, LineInput::PortUp(PortKind::Serial));
         rig.sent.clear();
         rig.pass(10 * SECOND);
         assert!(is_read(&rig, BRIDGED) >= 1, "{bad_request:?}");
@@ -289,9 +293,11 @@ fn a_line_that_comes_back_knows_all_its_drives_again_soon() {
     });
     rig.keeps_sent = false;
     rig.pass(20 * SECOND);
-    rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
+    rig.core
+        .handle(rig.now, LineInput::PortDown(LineFault::Gone));
     rig.pass(60 * SECOND);
-    rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
+    rig.core
+        .handle(rig.now, LineInput::PortUp(PortKind::Serial));
     let up = rig.now;
     rig.pass(Duration::from_millis(1500));
     for drive in 0..32 {
@@ -328,7 +334,7 @@ fn a_reading_that_waited_for_a_suspended_process_is_not_fresh() {
     let mut waited = Vec::new();
     rig.bus
         .take_due(rig.now, |_, bytes| waited.extend_from_slice(bytes));
-    rig.core.handle(rig.now, Input::Bytes(&waited));
+    rig.core.handle(rig.now, LineInput::Bytes(&waited));
     rig.settle();
     rig.pass(Duration::from_millis(20));
     let read_at = rig

@@ -3,9 +3,9 @@
 use crate::support::{PROOF, Rig, RigOptions};
 use std::time::Duration;
 use vfd_gateway::domain::link::PortKind;
-use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, Refusal};
+use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, NativeRefusal};
 use vfd_gateway::domain::report::LineFault;
-use vfd_gateway::gateway::Input;
+use vfd_gateway::gateway::LineInput;
 
 const CYCLES: u64 = 10_000;
 
@@ -60,14 +60,15 @@ fn ten_thousand_times_out_and_in_leave_no_queue_and_no_miscount() {
             );
             answered += 1;
         });
-        rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
+        rig.core
+            .handle(rig.now, LineInput::PortDown(LineFault::Gone));
         rig.settle();
         rig.read(9, 0, PROOF, 1);
         asked += in_flight + 1;
         for (_, answer) in std::mem::take(&mut rig.answers) {
             match answer.outcome {
                 NativeOutcome::NoReply => lost += 1,
-                NativeOutcome::Refused(Refusal::LineDown) => refused += 1,
+                NativeOutcome::Refused(NativeRefusal::LineDown) => refused += 1,
                 other => panic!("cycle {cycle}: {other:?}"),
             }
         }
@@ -78,7 +79,8 @@ fn ten_thousand_times_out_and_in_leave_no_queue_and_no_miscount() {
         );
         assert!(!rig.core.is_occupied(), "cycle {cycle}");
         rig.pass(Duration::from_millis(100 + cycle % 400));
-        rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
+        rig.core
+            .handle(rig.now, LineInput::PortUp(PortKind::Serial));
         let ticket = rig.read(1, (cycle % 2) as u16, PROOF, 1);
         let outcome = rig.answer_to(ticket);
         assert!(

@@ -8,7 +8,7 @@ use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason};
 use vfd_gateway::domain::control::{BusFunctions, ControlSettings, FailSafe};
 use vfd_gateway::domain::ids::Station;
-use vfd_gateway::profile::model::{Confidence, Fact, Identity, Model, NeededFor, SetupItem};
+use vfd_gateway::profile::model::{Confidence, Fact, Model, ModelIdentity, NeededFor, SetupItem};
 
 const SECOND: Duration = Duration::from_secs(1);
 /// A stored setting of the drive, the word that the model requires there, and a wrong one.
@@ -139,7 +139,7 @@ fn a_stop_goes_in_front_of_the_read_that_an_order_rests_on() {
 fn identified() -> Arc<Model> {
     model_with("frecon-fr500a", |model| {
         let others = vec![(9, "FR600".to_owned())];
-        model.identity = Some(Identity {
+        model.identity = Some(ModelIdentity {
             address: IDENTITY.into(),
             mask: 0x000F,
             values: fact(&[2]),
@@ -174,7 +174,7 @@ fn an_identity_that_the_drive_does_not_show_is_named() {
     let elsewhere: u16 = 0x0BFF;
     let mut really = Model::clone(&identified());
     let model = model_with("frecon-fr500a", |model| {
-        model.identity = really.identity.take().map(|it| Identity {
+        model.identity = really.identity.take().map(|it| ModelIdentity {
             address: elsewhere.into(),
             ..it
         });

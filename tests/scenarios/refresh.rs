@@ -6,9 +6,9 @@ use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::ids::DriveIndex;
 use vfd_gateway::domain::link::{Framing, Interface, LinkSettings, Parity};
-use vfd_gateway::line::budget::{PlannedStation, Refresh, refresh};
+use vfd_gateway::line::budget::{PlannedStation, RefreshCost, refresh};
 use vfd_gateway::line::timeouts::ReplyTimeouts;
-use vfd_gateway::line::timing::Timing;
+use vfd_gateway::line::timing::LineTiming;
 use vfd_gateway::profile::model::Model;
 use vfd_gateway::vendors;
 
@@ -27,14 +27,14 @@ fn can(model: &Model, baud: u32) -> bool {
         && link.interfaces.value.contains(&Interface::Rs485)
 }
 
-fn refresh_of(models: &[Arc<Model>], baud: u32) -> Refresh {
+fn refresh_of(models: &[Arc<Model>], baud: u32) -> RefreshCost {
     let link = LinkSettings {
         baud,
         data_bits: 8,
         parity: Parity::None,
         stop_bits: 1,
     };
-    let timing = Timing::for_models(
+    let timing = LineTiming::for_models(
         Framing::Rtu,
         link,
         models.iter().map(AsRef::as_ref),
@@ -81,7 +81,7 @@ fn a_refresh_is_within_three_per_cent_of_the_shortest() {
     let mut table = String::new();
     let mut worst = 0;
     for (baud, number, models) in lines() {
-        let Refresh {
+        let RefreshCost {
             reads,
             time,
             shortest_reads,

@@ -8,7 +8,7 @@ use vfd_gateway::domain::address::Address;
 use vfd_gateway::domain::command::{Direction, Outcome, Reason};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::drive::plan::RefusedRegister;
-use vfd_gateway::gateway::Note;
+use vfd_gateway::gateway::DriveNote;
 use vfd_gateway::profile::model::{Model, PollClass};
 use vfd_gateway::sim::SimDrive;
 
@@ -57,7 +57,7 @@ fn its_neighbours_are_read_all_the_same() {
         let told = |rig: &Rig| {
             rig.notes
                 .iter()
-                .filter(|(_, note)| *note == Note::RegisterRefused(refused))
+                .filter(|(_, note)| *note == DriveNote::RegisterRefused(refused))
                 .count()
         };
         assert_eq!(told(&rig), 1, "{id}");

@@ -8,7 +8,7 @@ use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason, RunIntent}
 use vfd_gateway::domain::control::{ControlAction, ControlSettings};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::drive::view::RunState;
-use vfd_gateway::profile::model::Role;
+use vfd_gateway::profile::model::RegisterRole;
 
 const SECOND: Duration = Duration::from_secs(1);
 /// Models whose words can take control and give it back.
@@ -304,7 +304,7 @@ fn nothing_but_what_a_drive_needs_is_set_that_way() {
             .find(|(id, _)| *id == model.id)
             .map_or(&[][..], |(_, items)| items);
         wrong.retain(|address| right.iter().all(|(needed, _)| needed != address));
-        assert!(wrong.contains(&address_of(&model, Role::RunCommand)));
+        assert!(wrong.contains(&address_of(&model, RegisterRole::RunCommand)));
         for address in wrong.into_iter().chain([0x7FFF]) {
             let with_right = right
                 .iter()

@@ -9,10 +9,10 @@ use vfd_gateway::domain::ids::{Station, Ticket};
 use vfd_gateway::domain::link::PortKind;
 use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::drive::snapshot::Presence;
+use vfd_gateway::drive::snapshot::DrivePresence;
 use vfd_gateway::drive::view::RunState;
-use vfd_gateway::gateway::{Input, Note};
-use vfd_gateway::journal::{Entry, Remembered};
+use vfd_gateway::gateway::{DriveNote, LineInput};
+use vfd_gateway::journal::{JournalEntry, RememberedDrive};
 use vfd_gateway::profile::model::Model;
 use vfd_gateway::sim::{DriveOptions, SimDrive};
 
@@ -497,13 +497,13 @@ fn a_drive_that_is_deaf_after_a_reset_is_left_alone_and_others_are_not_held_up()
             );
             assert_eq!(
                 rig.view(0).snapshot.presence,
-                Presence::Online,
+                DrivePresence::Online,
                 "{}, cut {cut}",
                 way.id
             );
             assert_eq!(
                 rig.view(1).snapshot.presence,
-                Presence::Online,
+                DrivePresence::Online,
                 "{}",
                 way.id
             );
@@ -521,7 +521,7 @@ fn a_gateway_that_ends_leaves_no_reset_standing() {
         assert!(rig.view(0).control.unwrap().lease.is_none(), "{}", way.id);
         rig.sent.clear();
         reset_up_to(&mut rig, way, 2);
-        rig.core.handle(rig.now, Input::Shutdown);
+        rig.core.handle(rig.now, LineInput::Shutdown);
         let limit = rig.now + SECOND * 4;
         while !rig.core.is_at_rest() {
             assert!(rig.step(limit), "{}: it does not end", way.id);
@@ -666,8 +666,8 @@ fn a_controller_that_holds_its_order_to_reset_resets_once() {
 }
 
 /// What the journal would pass to the next start.
-fn remembered(rig: &Rig) -> Remembered {
-    let mut memory = Remembered::default();
+fn remembered(rig: &Rig) -> RememberedDrive {
+    let mut memory = RememberedDrive::default();
     rig.entries()
         .into_iter()
         .for_each(|entry| memory.take(entry));
@@ -741,7 +741,7 @@ fn the_next_life_takes_back_the_word_that_resets_wherever_the_last_one_was_kille
             let said = rig
                 .entries()
                 .into_iter()
-                .filter(|it| matches!(it, Entry::ResetWord { may_stand: false }));
+                .filter(|it| matches!(it, JournalEntry::ResetWord { may_stand: false }));
             assert_eq!(said.count(), 1, "{} {count}: and that is kept", way.id);
         }
     }
@@ -752,11 +752,13 @@ fn a_reset_that_an_unplugged_line_has_cut_off_is_taken_back_when_that_is_back() 
     for way in WAYS.iter().filter(|way| takes_it_back(way)) {
         let mut rig = kept(way);
         reset_up_to(&mut rig, way, 2);
-        rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
+        rig.core
+            .handle(rig.now, LineInput::PortDown(LineFault::Gone));
         rig.settle();
         rig.pass(SECOND);
         rig.sent.clear();
-        rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
+        rig.core
+            .handle(rig.now, LineInput::PortUp(PortKind::Serial));
         rig.settle();
         rig.pass(SECOND * 15);
         // A drive that restarts with its reset has forgotten the word; if it shows that, it is not written to.
@@ -787,7 +789,10 @@ fn a_reset_waits_for_the_row_that_remembers_its_word_but_not_for_long() {
             }
             rig.pass(SECOND * 5);
             assert_eq!(rig.written(way.at), way.words, "{}", way.id);
-            let is_slow = rig.notes.iter().any(|(_, note)| *note == Note::JournalSlow);
+            let is_slow = rig
+                .notes
+                .iter()
+                .any(|(_, note)| *note == DriveNote::JournalSlow);
             assert_eq!(is_slow, !is_kept, "{}: {:?}", way.id, rig.notes);
         }
     }
@@ -812,13 +817,13 @@ fn a_motor_that_turns_by_others_after_that_is_left_alone_until_it_stands_still()
         rig.pass(SECOND * 3);
         let frequency = crate::support::families::address_of(
             &model,
-            vfd_gateway::profile::model::Role::FrequencyCommand,
+            vfd_gateway::profile::model::RegisterRole::FrequencyCommand,
         );
         send(&mut rig, frequency, 2000);
         send(&mut rig, way.at, word);
         rig.pass(SECOND * 3);
         assert!(rig.output(1) > 0, "{}: it runs", way.id);
-        rig.restart(Remembered {
+        rig.restart(RememberedDrive {
             lease: None,
             ..memory
         });
@@ -839,7 +844,7 @@ fn a_reset_that_is_over_leaves_nothing_to_take_back() {
         assert!(
             !rig.notes
                 .iter()
-                .any(|(_, note)| *note == Note::ResetTakenBack),
+                .any(|(_, note)| *note == DriveNote::ResetTakenBack),
             "{}: {:?}",
             way.id,
             rig.notes

@@ -5,27 +5,27 @@ use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Outcome, Owner, Reason};
 use vfd_gateway::domain::control::{ControlSettings, FailSafe};
 use vfd_gateway::domain::ids::Station;
-use vfd_gateway::gateway::{Input, Note};
+use vfd_gateway::gateway::{DriveNote, LineInput};
 use vfd_gateway::journal::{
-    Cause, Entry, Remembered, RememberedLease, RememberedStop, TripBaseline,
+    FailSafeCause, JournalEntry, RememberedDrive, RememberedLease, RememberedStop, TripBaseline,
 };
 
 const RUN: u16 = 0x0002;
 
-fn leased(was_orphaned: bool) -> Remembered {
-    Remembered {
+fn leased(was_orphaned: bool) -> RememberedDrive {
+    RememberedDrive {
         lease: Some(RememberedLease {
             owner: Owner::Mqtt,
             was_orphaned,
         }),
-        ..Remembered::default()
+        ..RememberedDrive::default()
     }
 }
 
-fn stopped() -> Remembered {
-    Remembered {
+fn stopped() -> RememberedDrive {
+    RememberedDrive {
         stop: Some(RememberedStop { coast: false }),
-        ..Remembered::default()
+        ..RememberedDrive::default()
     }
 }
 
@@ -50,17 +50,17 @@ fn running() -> Rig {
     running_with(FailSafe::Stop)
 }
 
-fn failsafes(rig: &Rig) -> Vec<Cause> {
-    let cause = |entry: &&Entry| match entry {
-        Entry::FailSafe { cause, .. } => Some(*cause),
+fn failsafes(rig: &Rig) -> Vec<FailSafeCause> {
+    let cause = |entry: &&JournalEntry| match entry {
+        JournalEntry::FailSafe { cause, .. } => Some(*cause),
         _ => None,
     };
     rig.entries().iter().filter_map(cause).collect()
 }
 
 fn leases(rig: &Rig) -> Vec<Option<Owner>> {
-    let owner = |entry: &&Entry| match entry {
-        Entry::Lease(owner) => Some(*owner),
+    let owner = |entry: &&JournalEntry| match entry {
+        JournalEntry::Lease(owner) => Some(*owner),
         _ => None,
     };
     rig.entries().iter().filter_map(owner).collect()
@@ -90,9 +90,9 @@ fn an_orphaned_lease_gives_its_owner_time_and_then_the_declared_action_runs() {
         assert_eq!(rig.written(RUN), words, "{action:?}");
         assert_eq!(
             (failsafes(&rig), leases(&rig)),
-            (vec![Cause::Orphaned], vec![None])
+            (vec![FailSafeCause::Orphaned], vec![None])
         );
-        let note = Note::Orphaned {
+        let note = DriveNote::Orphaned {
             owner: Owner::Mqtt,
             action,
         };
@@ -125,7 +125,7 @@ fn its_owner_takes_an_orphaned_lease_up_by_a_sign_of_life() {
         rig.pass(Duration::from_secs(5));
         assert_eq!(
             (rig.written(RUN), failsafes(&rig)),
-            (vec![0], vec![Cause::CommanderLost])
+            (vec![0], vec![FailSafeCause::CommanderLost])
         );
     }
 }
@@ -137,7 +137,7 @@ fn in_a_crash_loop_the_declared_action_runs_at_once() {
     rig.pass(Duration::from_millis(1_200));
     assert_eq!(
         (rig.written(RUN), failsafes(&rig)),
-        (vec![0], vec![Cause::CrashLoop])
+        (vec![0], vec![FailSafeCause::CrashLoop])
     );
     // An owner that returns before the drive is seen has not lost it.
     let mut rig = running();
@@ -170,7 +170,7 @@ fn a_lease_of_a_drive_that_is_found_at_standstill_is_over() {
 #[test]
 fn a_drive_that_another_party_has_started_is_left_alone() {
     let mut rig = running();
-    rig.restart(Remembered::default());
+    rig.restart(RememberedDrive::default());
     rig.pass(Duration::from_secs(30));
     assert_eq!((rig.writes().len(), rig.output(1)), (0, 3000));
     assert_eq!(
@@ -192,7 +192,7 @@ fn a_remembered_stop_is_sent_only_to_a_drive_that_runs() {
     let over = |rig: &Rig| {
         rig.entries()
             .iter()
-            .any(|it| **it == Entry::StopOver { is_effective: true })
+            .any(|it| **it == JournalEntry::StopOver { is_effective: true })
     };
     assert!(over(&rig), "{:?}", rig.kept);
     rig.restart(stopped());
@@ -215,12 +215,14 @@ fn a_remembered_stop_of_a_drive_that_stays_away_is_dropped() {
     rig.pass(Duration::from_secs(20));
     assert!(!rig.view(0).control.unwrap().stop_pending);
     assert!(
-        rig.notes.iter().any(|(_, note)| *note == Note::StopDropped),
+        rig.notes
+            .iter()
+            .any(|(_, note)| *note == DriveNote::StopDropped),
         "{:?}",
         rig.notes
     );
     assert!(rig.entries().iter().any(|it| **it
-        == Entry::StopOver {
+        == JournalEntry::StopOver {
             is_effective: false
         }));
 }
@@ -239,11 +241,11 @@ fn a_trip_whose_row_was_lost_is_reported_once_more_and_a_kept_one_is_not() {
             held: None,
             code: None,
         });
-        rig.restart(Remembered {
+        rig.restart(RememberedDrive {
             trips,
             trips_total: 7,
             last_code: Some(2),
-            ..Remembered::default()
+            ..RememberedDrive::default()
         });
         assert_eq!(rig.view(0).trip_kept.total, 7);
         rig.pass(Duration::from_secs(5));
@@ -269,7 +271,7 @@ fn a_line_that_a_reload_brings_takes_a_plain_run_after_a_while_and_that_of_a_sta
     for (joins_late, reason) in [(true, Reason::RestartDelay), (false, Reason::None)] {
         let mut rig = Rig::new(&RigOptions::controlled());
         rig.setup.joins_late = joins_late;
-        rig.restart(Remembered::default());
+        rig.restart(RememberedDrive::default());
         rig.pass(Duration::from_millis(1_500));
         assert_eq!(
             rig.commanded(MQTT, run(Direction::Forward, Some(3000))).1,
@@ -291,7 +293,7 @@ fn a_run_of_an_earlier_life_is_never_sent() {
     });
     rig.command(MQTT, 0, run(Direction::Forward, Some(3000)));
     rig.restart(leased(false));
-    rig.core.handle(rig.now, Input::PathAlive(Owner::Mqtt));
+    rig.core.handle(rig.now, LineInput::PathAlive(Owner::Mqtt));
     rig.live(Duration::from_secs(20));
     assert!(!rig.written(RUN).contains(&1), "{:?}", rig.written(RUN));
 }

@@ -6,7 +6,7 @@ use crate::support::{MQTT, Rig, STOP, model, plc, run, setpoint};
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Order, Origin, Outcome, Reason};
 use vfd_gateway::domain::ids::Station;
-use vfd_gateway::gateway::Note;
+use vfd_gateway::gateway::DriveNote;
 
 const SECOND: Duration = Duration::from_secs(1);
 
@@ -80,7 +80,7 @@ fn a_setting_outside_the_limits_is_refused_with_an_alarm() {
             assert!(
                 rig.notes
                     .iter()
-                    .any(|(_, note)| *note == Note::SetpointOutside),
+                    .any(|(_, note)| *note == DriveNote::SetpointOutside),
                 "{id}: {:?}",
                 rig.notes
             );

@@ -8,7 +8,7 @@ use vfd_gateway::domain::control::ControlSettings;
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::native::NativeOutcome;
-use vfd_gateway::profile::model::Role;
+use vfd_gateway::profile::model::RegisterRole;
 
 const SECOND: Duration = Duration::from_secs(1);
 /// Models that show their own setting.
@@ -60,7 +60,7 @@ fn is_set_to(rig: &mut Rig, hertz: u16) {
 
 /// The frames that gave a setpoint.
 fn setpoints(rig: &Rig, id: &str) -> usize {
-    let address = address_of(&model(id), Role::FrequencyCommand).to_be_bytes();
+    let address = address_of(&model(id), RegisterRole::FrequencyCommand).to_be_bytes();
     rig.writes()
         .iter()
         .filter(|pdu| pdu[1..3] == address)
@@ -109,10 +109,17 @@ fn the_same_beside_a_run_that_is_in_force_and_by_the_drives_own_registers() {
         assert_eq!(setpoints(&rig, id), 1, "{id}");
         is_set_to(&mut rig, 10);
         let at = model(id);
-        let scale = at.register_for(Role::FrequencyCommand).unwrap().scale;
+        let scale = at
+            .register_for(RegisterRole::FrequencyCommand)
+            .unwrap()
+            .scale;
         let word = u16::try_from(30 * scale).unwrap();
         assert_eq!(
-            write(&mut rig, address_of(&at, Role::FrequencyCommand), &[word]),
+            write(
+                &mut rig,
+                address_of(&at, RegisterRole::FrequencyCommand),
+                &[word]
+            ),
             NativeOutcome::Written,
             "{id}"
         );

@@ -6,7 +6,7 @@ use std::time::Duration;
 use vfd_gateway::domain::command::Outcome;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::native::{NativeAsk, NativeOutcome};
-use vfd_gateway::domain::suspicion::Suspicion;
+use vfd_gateway::domain::suspicion::LineSuspicion;
 use vfd_gateway::domain::time::MonoTime;
 
 /// Answers to clients.
@@ -116,7 +116,7 @@ fn two_drives_of_one_number_are_reported_and_shift_no_answer_for_long() {
         assert!(walked.right > 100, "{delay} ms: {walked:?}");
         assert_eq!(
             rig.core.report().suspicion,
-            Some(Suspicion::DuplicateStation(Station(1))),
+            Some(LineSuspicion::DuplicateStation(Station(1))),
             "{delay} ms"
         );
     }
@@ -133,7 +133,7 @@ fn replies_beyond_the_longest_lateness_are_reported_learned_and_make_no_trip() {
         let mut was_suspected = false;
         let walked = walk(&mut rig, Duration::from_secs(600), |rig, _| {
             was_suspected |=
-                rig.core.report().suspicion == Some(Suspicion::LateBeyondLimit(Station(1)));
+                rig.core.report().suspicion == Some(LineSuspicion::LateBeyondLimit(Station(1)));
         });
         // Until the latest reply was seen, one may be mistaken; never two in a row.
         assert!(
@@ -160,7 +160,7 @@ fn two_drives_of_one_number_make_no_trip() {
         assert!(rig.trips.is_empty(), "{seed}: {:?}", rig.trips);
         assert_eq!(
             rig.core.report().suspicion,
-            Some(Suspicion::DuplicateStation(Station(1)))
+            Some(LineSuspicion::DuplicateStation(Station(1)))
         );
         assert!(rig.view(0).is_online());
         // A stop waits for none of that.

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::time::Duration;
 use vfd_gateway::domain::command::Reason;
 use vfd_gateway::domain::ids::{AskerId, Station};
-use vfd_gateway::domain::native::{NativeAnswer, NativeAsk, NativeOutcome, Refusal};
+use vfd_gateway::domain::native::{NativeAnswer, NativeAsk, NativeOutcome, NativeRefusal};
 use vfd_gateway::wire::pdu::MAX_READ_WORDS;
 
 /// Clients that read `drives` drives in turn, each waiting for its answer; right answers per client in 60 s.
@@ -92,7 +92,7 @@ fn the_longest_read_is_sixteen_frames_and_no_more() {
     let crossing = rig.read(1, 0, PROOF + 0x00FC, MAX_READ_WORDS);
     assert_eq!(
         rig.answer_to(crossing),
-        NativeOutcome::Refused(Refusal::TooManyFrames)
+        NativeOutcome::Refused(NativeRefusal::TooManyFrames)
     );
     assert_eq!(
         rig.sent.len(),
@@ -135,7 +135,7 @@ fn writes_are_refused_and_put_nothing_on_the_line() {
         );
         assert_eq!(
             rig.answer_to(ticket),
-            NativeOutcome::Refused(Refusal::Guard(Reason::ReadOnly))
+            NativeOutcome::Refused(NativeRefusal::Guard(Reason::ReadOnly))
         );
     }
     assert!(rig.frames().is_empty());

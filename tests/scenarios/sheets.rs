@@ -13,7 +13,9 @@ use vfd_gateway::domain::command::{Direction, Order};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::drive::status::StatusWatch;
-use vfd_gateway::profile::model::{Confidence, Flag, Model, OrderKind, Register, Role};
+use vfd_gateway::profile::model::{
+    Confidence, IndicatedState, Model, OrderKind, Register, RegisterRole,
+};
 use vfd_gateway::profile::words::{CONFIDENCES, FLAGS, ROLES};
 use vfd_gateway::sim::{DriveOptions, SimDrive};
 use vfd_gateway::vendors;
@@ -25,15 +27,15 @@ const SECOND: Duration = Duration::from_secs(1);
 /// The rows in which model and sheet differ although neither is wrong, each with its reason.
 const OPEN: &str = include_str!("../sheets/open.txt");
 /// The roles that an order, a stop or a trip rests on. A model may leave out the others, such as that of a torque.
-const NEEDED: [Role; 8] = [
-    Role::RunCommand,
-    Role::Order,
-    Role::FrequencyCommand,
-    Role::FrequencySetting,
-    Role::OutputFrequency,
-    Role::TripCode,
-    Role::TripBits,
-    Role::TripCause,
+const NEEDED: [RegisterRole; 8] = [
+    RegisterRole::RunCommand,
+    RegisterRole::Order,
+    RegisterRole::FrequencyCommand,
+    RegisterRole::FrequencySetting,
+    RegisterRole::OutputFrequency,
+    RegisterRole::TripCode,
+    RegisterRole::TripBits,
+    RegisterRole::TripCause,
 ];
 
 /// Plays `test` with each row of this `kind` of every sheet, and then fails with all that do not hold.
@@ -188,7 +190,7 @@ fn an_order_is_written_as_the_documents_say() {
         assert!(
             fact.confidence >= grade,
             "its grade in the model is {}",
-            Confidence::word(fact.confidence)
+            Confidence::keyword(fact.confidence)
         );
         let mut rig = rig_of(model, accepting());
         if kind == OrderKind::Reset {
@@ -211,7 +213,7 @@ fn an_order_is_written_as_the_documents_say() {
         let written: Vec<_> = requests.filter_map(|request| shown(&request)).collect();
         // The setpoint goes out once more before a start, and a stop before a reset.
         let setpoint = model
-            .register_for(Role::FrequencyCommand)
+            .register_for(RegisterRole::FrequencyCommand)
             .map(|it| it.address);
         let is_extra = |at: usize, write: &str| {
             let is_setpoint = Some(place(write).0) == setpoint && !named.contains(&write);
@@ -256,7 +258,7 @@ fn shown(request: &Request) -> Option<String> {
     let words: Vec<_> = values.iter().map(|word| format!("{word:04X}")).collect();
     Some(format!(
         "{} {:04X} {}",
-        address.table().word(),
+        address.table().keyword(),
         address.number(),
         words.join(" ")
     ))
@@ -421,7 +423,7 @@ fn a_status_word_shows_the_flags_that_the_documents_name() {
                 "{name} is not shown: {shown:?}"
             );
             // Without another flag the direction is that of a motor that turns.
-            let counts = flag != Flag::Reverse || named.contains(&"running");
+            let counts = flag != IndicatedState::Reverse || named.contains(&"running");
             assert!(
                 !counts || named.contains(&name) || shown != Some(true),
                 "{name} is shown"

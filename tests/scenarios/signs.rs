@@ -9,7 +9,9 @@ use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Outcome, Reason};
 use vfd_gateway::domain::units::UnitOfMeasure;
 use vfd_gateway::drive::view::RunState;
-use vfd_gateway::profile::model::{Access, FactPart, Model, OrderKind, PollClass, Register, Role};
+use vfd_gateway::profile::model::{
+    FactPart, Model, OrderKind, PollClass, Register, RegisterAccess, RegisterRole,
+};
 use vfd_gateway::vendors;
 
 const SECOND: Duration = Duration::from_secs(1);
@@ -30,7 +32,7 @@ fn by_sheet(model: &Model, register: &Register) -> Vec<bool> {
 /// How drives of `model` may show reverse in their output frequency: by the sheet, and in both ways where neither it nor
 /// the model states the sign.
 fn ways(model: &Model) -> Vec<bool> {
-    let Some(output) = model.register_for(Role::OutputFrequency) else {
+    let Some(output) = model.register_for(RegisterRole::OutputFrequency) else {
         return Vec::new();
     };
     match by_sheet(model, output) {
@@ -46,7 +48,7 @@ fn rig(model: &Arc<Model>, signed: bool) -> Rig {
     let output = really
         .registers
         .iter_mut()
-        .find(|it| it.role == Some(Role::OutputFrequency));
+        .find(|it| it.role == Some(RegisterRole::OutputFrequency));
     output.expect("it has one").signed = signed;
     Rig::new(&RigOptions {
         really: Some(Arc::new(really)),
@@ -57,7 +59,7 @@ fn rig(model: &Arc<Model>, signed: bool) -> Rig {
 /// The output frequency as clients see it, in hertz.
 fn shown(rig: &Rig, model: &Model) -> f64 {
     let output = model
-        .register_for(Role::OutputFrequency)
+        .register_for(RegisterRole::OutputFrequency)
         .expect("it has one");
     rig.view(0)
         .snapshot
@@ -114,16 +116,20 @@ fn in_reverse_the_output_is_a_magnitude_and_a_stop_is_effective_at_once() {
 
 /// Whether `register` is measured, and may well be below 0 in reverse, while braking or in the cold.
 fn may_be_negative(register: &Register) -> bool {
-    let is_live = register.poll.is_some_and(PollClass::is_live) && register.access == Access::Read;
+    let is_live =
+        register.poll.is_some_and(PollClass::is_live) && register.access == RegisterAccess::Read;
     let by_unit = matches!(
         register.unit,
         UnitOfMeasure::Rpm | UnitOfMeasure::NewtonMetre | UnitOfMeasure::Celsius
     );
-    let by_role = matches!(register.role, Some(Role::Torque | Role::OutputPower));
+    let by_role = matches!(
+        register.role,
+        Some(RegisterRole::Torque | RegisterRole::OutputPower)
+    );
     // A frequency in hundredths of a hertz may use the upper half of its range.
     let is_plain = register.form.full_scale.is_none() && register.form.scale_by.is_none();
     let is_coarse = register.scale / register.form.per <= 50 && is_plain;
-    let is_output = register.role == Some(Role::OutputFrequency) && is_coarse;
+    let is_output = register.role == Some(RegisterRole::OutputFrequency) && is_coarse;
     is_live && (by_unit || by_role || is_output)
 }
 

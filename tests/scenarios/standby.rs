@@ -6,13 +6,13 @@ use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Outcome, Reason};
 use vfd_gateway::domain::control::{ControlSettings, FailSafe};
 use vfd_gateway::domain::ids::Station;
-use vfd_gateway::domain::native::{NativeOutcome, Refusal};
+use vfd_gateway::domain::native::{NativeOutcome, NativeRefusal};
 use vfd_gateway::domain::standby::{LineRole, OnGatewayLost};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::drive::snapshot::Presence;
+use vfd_gateway::drive::snapshot::DrivePresence;
 use vfd_gateway::drive::view::RunState;
-use vfd_gateway::gateway::{Input, LineNote, Note};
-use vfd_gateway::line::standby::{Change, RANK_STEP};
+use vfd_gateway::gateway::{DriveNote, LineInput, LineNote};
+use vfd_gateway::line::standby::{RANK_STEP, StandbyChange};
 use vfd_gateway::sim::FaultPlan;
 use vfd_gateway::wire::signal::{STATION, Signal, SignalKind};
 
@@ -43,7 +43,7 @@ fn running_with(options: &RigOptions) -> Pair {
     let mut pair = Pair::running(options);
     let ticket = pair.command(0, MQTT, 0, run(Direction::Forward, Some(3000)));
     for _ in 0..12 {
-        pair.tell(0, Input::PathAlive(MQTT.owner));
+        pair.tell(0, LineInput::PathAlive(MQTT.owner));
         pair.pass(SECOND);
     }
     assert_eq!(
@@ -128,7 +128,7 @@ fn a_listener_knows_what_the_drive_does_and_takes_no_commands() {
     for view in [own, heard] {
         assert_eq!(
             (view.run_state, view.snapshot.presence),
-            (RunState::Forward, Presence::Online)
+            (RunState::Forward, DrivePresence::Online)
         );
     }
     let ticket = pair.command(1, plc(1), 0, run(Direction::Forward, Some(2000)));
@@ -141,7 +141,10 @@ fn a_listener_knows_what_the_drive_does_and_takes_no_commands() {
     assert_eq!(pair.view(1, 0).orders.taken, 1);
     pair.read(1, 0, 0x0201, 1);
     let answer = pair.halves[1].answers.pop().unwrap();
-    assert_eq!(answer.outcome, NativeOutcome::Refused(Refusal::Standby));
+    assert_eq!(
+        answer.outcome,
+        NativeOutcome::Refused(NativeRefusal::Standby)
+    );
     assert!(!sends(&pair, 1, MonoTime::ZERO));
     assert_eq!(pair.output(1), 3000);
     // The first one sends as before, and nothing of what it sends is for the listener.
@@ -174,10 +177,10 @@ fn when_the_active_one_is_killed_the_other_does_what_is_declared() {
         assert_eq!(pair.output(1) == 3000, !stops, "{action:?}");
         let notes: Vec<_> = pair.halves[1].notes.iter().map(|(_, note)| *note).collect();
         let expected = match action {
-            OnGatewayLost::Stop => Note::GatewayLost(FailSafe::Stop),
-            OnGatewayLost::Coast => Note::GatewayLost(FailSafe::Coast),
-            OnGatewayLost::Hold => Note::GatewayLost(FailSafe::Hold),
-            OnGatewayLost::Adopt => Note::Adopted,
+            OnGatewayLost::Stop => DriveNote::GatewayLost(FailSafe::Stop),
+            OnGatewayLost::Coast => DriveNote::GatewayLost(FailSafe::Coast),
+            OnGatewayLost::Hold => DriveNote::GatewayLost(FailSafe::Hold),
+            OnGatewayLost::Adopt => DriveNote::Adopted,
         };
         assert!(notes.contains(&expected), "{action:?}: {notes:?}");
         let silence = pair.halves[1]
@@ -262,7 +265,7 @@ fn a_drive_that_stands_still_is_left_alone() {
 fn a_drive_that_another_gateway_runs_is_not_in_use_here() {
     let mut pair = running(OnGatewayLost::Hold);
     assert_eq!([0, 1].map(|half| pair.core(half).in_use().count()), [1, 0]);
-    pair.tell(1, Input::Leave { stops: true });
+    pair.tell(1, LineInput::Leave { stops: true });
     assert_eq!(pair.core(1).bound().count(), 0);
     // Shorter than the lease of its client.
     pair.pass(SECOND);
@@ -540,7 +543,7 @@ fn the_third_gateway_takes_over_when_both_others_are_gone() {
 fn a_line_that_is_handed_over_goes_on_without_a_pause_and_without_a_stop() {
     let mut pair = running(OnGatewayLost::Stop);
     let asked = pair.now;
-    pair.tell(0, Input::Yield);
+    pair.tell(0, LineInput::Yield);
     assert!(
         pair.until(SECOND, |pair| pair.role(1) == LineRole::Active)
             .is_some()
@@ -550,7 +553,7 @@ fn a_line_that_is_handed_over_goes_on_without_a_pause_and_without_a_stop() {
         pair.halves[0]
             .line_notes
             .iter()
-            .any(|(_, note)| *note == LineNote::GivenUp(Change::Yielded))
+            .any(|(_, note)| *note == LineNote::GivenUp(StandbyChange::Yielded))
     );
     assert!(
         pair.halves[1]
@@ -560,7 +563,7 @@ fn a_line_that_is_handed_over_goes_on_without_a_pause_and_without_a_stop() {
     );
     let told: Vec<_> = pair.halves[1].notes.iter().map(|(_, note)| *note).collect();
     assert!(
-        told.contains(&Note::GoesOn) && !told.contains(&Note::Adopted),
+        told.contains(&DriveNote::GoesOn) && !told.contains(&DriveNote::Adopted),
         "no gateway is lost: {told:?}"
     );
     for _ in 0..10 {
@@ -585,7 +588,7 @@ fn a_line_that_is_handed_over_goes_on_without_a_pause_and_without_a_stop() {
 #[test]
 fn a_handed_over_drive_whose_client_does_not_follow_stops() {
     let mut pair = running(OnGatewayLost::Hold);
-    pair.tell(0, Input::Yield);
+    pair.tell(0, LineInput::Yield);
     pair.pass(SECOND * 15);
     assert_eq!((pair.role(1), pair.output(1)), (LineRole::Active, 0));
 }
@@ -605,7 +608,7 @@ fn signals(pair: &Pair, half: usize, kind: SignalKind, from: MonoTime) -> usize 
 fn where_no_other_gateway_takes_the_line_it_is_taken_back_and_its_drives_go_on() {
     let mut pair = running(OnGatewayLost::Stop);
     let begin = pair.now;
-    pair.tell(0, Input::Yield);
+    pair.tell(0, LineInput::Yield);
     pair.until(SECOND * 5, |pair| {
         signals(pair, 0, SignalKind::HandOver, begin) > 0
     })
@@ -628,9 +631,9 @@ fn a_line_is_not_handed_over_where_no_other_gateway_listens() {
     let mut pair = running(OnGatewayLost::Stop);
     pair.kill(1);
     let begin = pair.now;
-    pair.tell(0, Input::Yield);
+    pair.tell(0, LineInput::Yield);
     for _ in 0..10 {
-        pair.tell(0, Input::PathAlive(MQTT.owner));
+        pair.tell(0, LineInput::PathAlive(MQTT.owner));
         pair.pass(SECOND);
         assert_eq!(pair.role(0), LineRole::Active);
     }
@@ -751,7 +754,7 @@ fn a_silent_drive_is_shown_as_offline_by_the_listener_too() {
     for half in [0, 1] {
         assert_eq!(
             pair.view(half, 0).snapshot.presence,
-            Presence::Offline,
+            DrivePresence::Offline,
             "{half}"
         );
     }
@@ -760,7 +763,7 @@ fn a_silent_drive_is_shown_as_offline_by_the_listener_too() {
     for half in [0, 1] {
         assert_eq!(
             pair.view(half, 0).snapshot.presence,
-            Presence::Online,
+            DrivePresence::Online,
             "{half}"
         );
     }

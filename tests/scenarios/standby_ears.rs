@@ -6,7 +6,7 @@ use std::time::Duration;
 use vfd_gateway::domain::command::Direction;
 use vfd_gateway::domain::control::ControlSettings;
 use vfd_gateway::domain::standby::{LineRole, OnGatewayLost};
-use vfd_gateway::gateway::Input;
+use vfd_gateway::gateway::LineInput;
 
 const SECOND: Duration = Duration::from_secs(1);
 
@@ -23,7 +23,7 @@ fn running() -> Pair {
     });
     pair.command(0, MQTT, 0, run(Direction::Forward, Some(3000)));
     for _ in 0..12 {
-        pair.tell(0, Input::PathAlive(MQTT.owner));
+        pair.tell(0, LineInput::PathAlive(MQTT.owner));
         pair.pass(SECOND);
     }
     assert_eq!(pair.output(1), 3000);
@@ -70,7 +70,7 @@ fn a_stop_is_sent_by_a_deaf_half_too() {
         let mut pair = running();
         pair.halves[deaf].is_deaf = true;
         for second in 0..10 {
-            pair.tell(0, Input::PathAlive(MQTT.owner));
+            pair.tell(0, LineInput::PathAlive(MQTT.owner));
             if second == 5 {
                 pair.command(half, plc(1), 0, STOP);
             }
@@ -85,7 +85,7 @@ fn a_listener_at_the_wrong_speed_never_breaks_in() {
     let mut pair = running();
     pair.halves[1].is_off_speed = true;
     for _ in 0..60 {
-        pair.tell(0, Input::PathAlive(MQTT.owner));
+        pair.tell(0, LineInput::PathAlive(MQTT.owner));
         pair.pass(SECOND);
         assert_eq!(
             [pair.role(0), pair.role(1)],

@@ -7,7 +7,7 @@ use vfd_gateway::domain::command::Direction;
 use vfd_gateway::domain::control::ControlSettings;
 use vfd_gateway::domain::standby::{LineRole, OnGatewayLost};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::gateway::{Input, LineNote};
+use vfd_gateway::gateway::{LineInput, LineNote};
 
 const SECOND: Duration = Duration::from_secs(1);
 const GATEWAYS: usize = 3;
@@ -65,7 +65,7 @@ fn three_of_equal_rank_find_one_that_sends_and_a_drive_is_stopped_in_time() {
         };
         pair.command(first, MQTT, 0, run(Direction::Forward, Some(3000)));
         for _ in 0..10 {
-            pair.tell(first, Input::PathAlive(MQTT.owner));
+            pair.tell(first, LineInput::PathAlive(MQTT.owner));
             pair.pass(SECOND);
         }
         assert_eq!(

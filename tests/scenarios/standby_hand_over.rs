@@ -9,7 +9,7 @@ use vfd_gateway::domain::control::ControlSettings;
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::standby::{LineRole, OnGatewayLost, StandbyTrouble};
-use vfd_gateway::gateway::{DriveSetup, Input, Note};
+use vfd_gateway::gateway::{DriveNote, DriveSetup, LineInput};
 
 const SECOND: Duration = Duration::from_secs(1);
 
@@ -37,7 +37,7 @@ fn a_line_is_handed_over_without_a_stop_to_a_listener_that_was_started_after_the
             pair.command(0, MQTT, 0, run(direction, Some(3000)));
             let alive = |pair: &mut Pair| {
                 for _ in 0..12 {
-                    pair.tell(0, Input::PathAlive(MQTT.owner));
+                    pair.tell(0, LineInput::PathAlive(MQTT.owner));
                     pair.pass(SECOND);
                 }
             };
@@ -45,7 +45,7 @@ fn a_line_is_handed_over_without_a_stop_to_a_listener_that_was_started_after_the
             pair.start(1);
             alive(&mut pair);
             let asked = pair.now;
-            pair.tell(0, Input::Yield);
+            pair.tell(0, LineInput::Yield);
             assert!(
                 pair.until(SECOND * 2, |pair| pair.role(1) == LineRole::Active)
                     .is_some(),
@@ -79,7 +79,7 @@ fn a_line_is_not_handed_over_to_a_listener_that_would_stop_a_drive_that_runs() {
     drive.operate(now, Some(Direction::Forward));
     pair.pass(SECOND * 12);
     assert_eq!(pair.output(1), 3000);
-    pair.tell(0, Input::Yield);
+    pair.tell(0, LineInput::Yield);
     pair.pass(SECOND * 10);
     assert_eq!(
         [pair.role(0), pair.role(1)],
@@ -88,7 +88,7 @@ fn a_line_is_not_handed_over_to_a_listener_that_would_stop_a_drive_that_runs() {
     let told = pair.halves[1]
         .notes
         .iter()
-        .filter(|(_, note)| *note == Note::HandOverRefused);
+        .filter(|(_, note)| *note == DriveNote::HandOverRefused);
     assert_eq!((told.count(), pair.output(1)), (1, 3000));
 }
 

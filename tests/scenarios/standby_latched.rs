@@ -7,7 +7,7 @@ use vfd_gateway::domain::command::{Direction, Outcome, Reason};
 use vfd_gateway::domain::control::ControlSettings;
 use vfd_gateway::domain::standby::{LineRole, OnGatewayLost};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::gateway::{Input, Note};
+use vfd_gateway::gateway::{DriveNote, LineInput};
 
 const SECOND: Duration = Duration::from_secs(1);
 const MS: fn(u64) -> Duration = Duration::from_millis;
@@ -46,7 +46,7 @@ fn latched() -> (Pair, vfd_gateway::domain::ids::Ticket, MonoTime) {
 }
 
 fn alive(pair: &mut Pair) {
-    (0..2).for_each(|half| pair.tell(half, Input::PathAlive(MQTT.owner)));
+    (0..2).for_each(|half| pair.tell(half, LineInput::PathAlive(MQTT.owner)));
 }
 
 fn stops(pair: &Pair, half: usize, from: MonoTime) -> usize {
@@ -60,7 +60,7 @@ fn assert_no_alarm(pair: &Pair) {
     assert!(
         !notes
             .iter()
-            .any(|note| matches!(note, Note::NotEffective | Note::StopDropped)),
+            .any(|note| matches!(note, DriveNote::NotEffective | DriveNote::StopDropped)),
         "{notes:?}"
     );
 }

@@ -8,7 +8,7 @@ use vfd_gateway::domain::command::Direction;
 use vfd_gateway::domain::control::{ControlAction, ControlSettings};
 use vfd_gateway::domain::standby::{LineRole, OnGatewayLost};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::gateway::Input;
+use vfd_gateway::gateway::LineInput;
 use vfd_gateway::sim::FaultPlan;
 
 const SECOND: Duration = Duration::from_secs(1);
@@ -47,7 +47,7 @@ fn running(id: &str) -> Pair {
 fn start(pair: &mut Pair, half: usize, id: &str) {
     pair.command(half, MQTT, 0, run(Direction::Forward, Some(3000)));
     for _ in 0..12 {
-        pair.tell(half, Input::PathAlive(MQTT.owner));
+        pair.tell(half, LineInput::PathAlive(MQTT.owner));
         pair.pass(SECOND);
     }
     assert_eq!(pair.output(1), 3000, "{id}");
@@ -88,7 +88,7 @@ fn an_order_is_not_forgotten_where_the_drive_and_the_line_were_out_of_sight() {
                 ..FaultPlan::NONE
             });
             for _ in 0..8 {
-                pair.tell(0, Input::PathAlive(MQTT.owner));
+                pair.tell(0, LineInput::PathAlive(MQTT.owner));
                 pair.pass(MS(500));
             }
             for half in [0, 1] {

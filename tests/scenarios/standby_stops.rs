@@ -8,7 +8,7 @@ use vfd_gateway::domain::control::ControlSettings;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::standby::{LineRole, OnGatewayLost};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::gateway::Input;
+use vfd_gateway::gateway::LineInput;
 
 const SECOND: Duration = Duration::from_secs(1);
 const MS: fn(u64) -> Duration = Duration::from_millis;
@@ -36,7 +36,7 @@ fn running(poll: Duration) -> Pair {
 /// The client is there, at both gateways.
 fn alive(pair: &mut Pair) {
     for half in [0, 1] {
-        pair.tell(half, Input::PathAlive(MQTT.owner));
+        pair.tell(half, LineInput::PathAlive(MQTT.owner));
     }
 }
 

@@ -8,8 +8,10 @@ use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Outcome, Reason};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::native::NativeOutcome;
-use vfd_gateway::journal::Remembered;
-use vfd_gateway::profile::model::{BitMeaning, Flag, Model, Role, RunCommand, RunForm};
+use vfd_gateway::journal::RememberedDrive;
+use vfd_gateway::profile::model::{
+    BitMeaning, IndicatedState, Model, RegisterRole, RunCommand, RunForm,
+};
 use vfd_gateway::vendors;
 
 const SECOND: Duration = Duration::from_secs(1);
@@ -35,7 +37,7 @@ fn runs(model: &Arc<Model>, direction: Direction) -> Rig {
 /// The last word that was written to the register for run commands.
 fn last_word(rig: &Rig, model: &Model) -> u16 {
     let address = model
-        .register_for(Role::RunCommand)
+        .register_for(RegisterRole::RunCommand)
         .unwrap()
         .address
         .number();
@@ -60,7 +62,7 @@ fn a_stop_of_a_motor_that_runs_by_others_keeps_the_direction_that_it_shows() {
     let model = cfw500();
     for (direction, word) in [(Direction::Forward, 0x0006), (Direction::Reverse, 0x0002)] {
         let mut rig = runs(&model, direction);
-        rig.restart(Remembered::default());
+        rig.restart(RememberedDrive::default());
         rig.pass(SECOND * 5);
         assert_eq!(
             rig.commanded(MQTT, STOP),
@@ -81,7 +83,7 @@ fn a_stop_of_a_motor_that_runs_by_others_keeps_the_direction_that_it_shows() {
 fn each_form_of_the_stop_that_a_client_writes_is_a_stop() {
     let model = cfw500();
     let address = model
-        .register_for(Role::RunCommand)
+        .register_for(RegisterRole::RunCommand)
         .unwrap()
         .address
         .number();
@@ -137,7 +139,7 @@ fn every_motor_ramps_down_in_the_direction_in_which_it_ran() {
             }
             assert_eq!(rig.outcome_of(stop).0, Outcome::Confirmed);
             assert!(
-                model.status_flag(Flag::Running).is_none()
+                model.status_flag(IndicatedState::Running).is_none()
                     || rig.bus.drive_mut(Station(1)).unwrap().ordered().is_none()
             );
             // A simulated motor asks only whether it is to run: what the word says beside that is seen on the wire. An

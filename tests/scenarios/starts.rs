@@ -8,7 +8,7 @@ use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason, RunIntent};
 use vfd_gateway::domain::ids::{Station, Ticket};
 use vfd_gateway::drive::view::RunState;
-use vfd_gateway::gateway::Note;
+use vfd_gateway::gateway::DriveNote;
 use vfd_gateway::profile::check;
 use vfd_gateway::profile::model::Model;
 
@@ -233,7 +233,7 @@ fn a_drive_that_does_not_get_ready_is_not_started_now_or_later() {
     assert!(
         rig.notes
             .iter()
-            .any(|(_, note)| *note == Note::StartTakenBack)
+            .any(|(_, note)| *note == DriveNote::StartTakenBack)
     );
     stays_at_rest(&mut rig);
     assert_eq!(

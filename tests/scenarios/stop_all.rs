@@ -4,7 +4,7 @@ use crate::support::{MQTT, PROOF, Rig, RigOptions, STOP, Sent, model, run};
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Outcome, Owner, Reason};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::gateway::Input;
+use vfd_gateway::gateway::LineInput;
 use vfd_gateway::line::budget::BROADCAST_TURNAROUND;
 use vfd_gateway::sim::FaultPlan;
 
@@ -92,8 +92,8 @@ fn over_babble_too_the_drives_are_left_alone_after_the_broadcast() {
             rig.sent.clear();
             (0..DRIVES.into()).for_each(|index| _ = rig.command_unsettled(MQTT, index, STOP));
         }
-        rig.core.handle(rig.now, Input::PathAlive(MQTT.owner));
-        rig.core.handle(rig.now, Input::Bytes(&[0x55]));
+        rig.core.handle(rig.now, LineInput::PathAlive(MQTT.owner));
+        rig.core.handle(rig.now, LineInput::Bytes(&[0x55]));
         rig.settle();
     }
     assert_eq!(rig.core.counters().jams, 1);
@@ -136,7 +136,7 @@ fn motors_ramp_down_from_the_broadcast_on() {
 #[test]
 fn lost_commanders_of_all_drives_are_answered_by_one_frame_too() {
     let mut rig = running(&line());
-    rig.core.handle(rig.now, Input::PathAlive(Owner::Mqtt));
+    rig.core.handle(rig.now, LineInput::PathAlive(Owner::Mqtt));
     rig.pass(Duration::from_secs(5));
     assert_eq!(starts(&rig.sent, &TO_ALL).count(), 1);
     rig.pass(Duration::from_secs(40));

@@ -11,8 +11,8 @@ use vfd_gateway::domain::link::PortKind;
 use vfd_gateway::domain::native::NativeAsk;
 use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::drive::view::RunState;
-use vfd_gateway::gateway::{Input, Note};
-use vfd_gateway::profile::model::{Flag, Model, Role};
+use vfd_gateway::gateway::{DriveNote, LineInput};
+use vfd_gateway::profile::model::{IndicatedState, Model, RegisterRole};
 use vfd_gateway::sim::{FaultPlan, RefusedStops};
 
 const RUN: u16 = 0x0002;
@@ -144,7 +144,7 @@ fn a_stop_that_the_drive_refuses_is_reported_repeated_and_an_alarm() {
     assert!(
         rig.notes
             .iter()
-            .any(|(_, note)| *note == Note::NotEffective)
+            .any(|(_, note)| *note == DriveNote::NotEffective)
     );
     assert!(rig.view(0).control.unwrap().not_effective);
     assert!(rig.written(RUN).len() >= 3, "it goes on being repeated");
@@ -157,7 +157,7 @@ fn a_stop_that_the_drive_refuses_is_reported_repeated_and_an_alarm() {
     assert!(
         rig.notes
             .iter()
-            .any(|(_, note)| *note == Note::EffectiveAtLast)
+            .any(|(_, note)| *note == DriveNote::EffectiveAtLast)
     );
     rig.pass(Duration::from_secs(40));
     assert_eq!(rig.output(1), 0);
@@ -188,7 +188,7 @@ fn a_stop_without_effect_is_repeated_for_as_long_as_the_drive_answers() {
     let dropped = rig
         .notes
         .iter()
-        .filter(|(_, note)| *note == Note::StopDropped);
+        .filter(|(_, note)| *note == DriveNote::StopDropped);
     assert_eq!(dropped.count(), 1);
 }
 
@@ -208,7 +208,11 @@ fn a_controller_that_goes_on_ordering_stop_has_a_drive_stopped_that_comes_back_a
         rig.command(plc(1), 0, STOP);
         rig.pass(Duration::from_secs(10));
     }
-    assert!(rig.notes.iter().any(|(_, note)| *note == Note::StopDropped));
+    assert!(
+        rig.notes
+            .iter()
+            .any(|(_, note)| *note == DriveNote::StopDropped)
+    );
     rig.sent.clear();
     let now = rig.now;
     rig.bus.set_powered(now, Station(1), true);
@@ -254,7 +258,7 @@ fn a_late_echo_that_looks_like_that_of_the_line_does_not_keep_a_stop_from_its_en
     rig.bus.set_faults(FaultPlan::NONE);
     rig.pass(Duration::from_millis(2));
     let frame = rig.sent.last().unwrap().frame.clone();
-    rig.core.handle(rig.now, Input::Bytes(&frame));
+    rig.core.handle(rig.now, LineInput::Bytes(&frame));
     rig.settle();
     assert_eq!(rig.core.counters().echoes, 1);
     assert_eq!(rig.outcome_of(ticket), (Outcome::Confirmed, Reason::None));
@@ -460,7 +464,9 @@ fn a_stop_that_is_refused_in_one_form_is_tried_in_the_other_that_the_model_decla
         let first = rig.sent.iter().position(|sent| sent.pdu[0] == 6).unwrap();
         assert_eq!(rig.sent[first + 1].pdu[0], 0x10, "{id}: at once");
         assert!(
-            !rig.notes.iter().any(|(_, note)| *note == Note::StopRefused),
+            !rig.notes
+                .iter()
+                .any(|(_, note)| *note == DriveNote::StopRefused),
             "{id}: {:?}",
             rig.notes
         );
@@ -503,7 +509,7 @@ fn a_drive_that_refuses_to_be_stopped_is_not_started_and_people_hear_of_it_at_on
         let told: Vec<_> = rig
             .notes
             .iter()
-            .filter(|(_, note)| *note == Note::StopRefused)
+            .filter(|(_, note)| *note == DriveNote::StopRefused)
             .collect();
         assert!(
             matches!(told[..], [(at, _)] if rig.now.since(*at) < Duration::from_millis(100)),
@@ -543,7 +549,7 @@ fn a_drive_that_refuses_to_be_stopped_is_not_started_and_people_hear_of_it_at_on
         let told = rig
             .notes
             .iter()
-            .filter(|(_, note)| *note == Note::StopRefused)
+            .filter(|(_, note)| *note == DriveNote::StopRefused)
             .count();
         assert_eq!(told, 1, "{}: told once", model.id);
     }
@@ -579,9 +585,12 @@ fn a_motor_that_runs_on_after_a_refused_stop_is_an_alarm_until_it_obeys() {
             "{}: {control:?}",
             model.id
         );
-        let told = |wanted: Note| rig.notes.iter().filter(|(_, note)| *note == wanted).count();
+        let told = |wanted: DriveNote| rig.notes.iter().filter(|(_, note)| *note == wanted).count();
         assert_eq!(
-            (told(Note::StopRefused), told(Note::EffectiveAtLast)),
+            (
+                told(DriveNote::StopRefused),
+                told(DriveNote::EffectiveAtLast)
+            ),
             (1, 1),
             "{}: {:?}",
             model.id,
@@ -631,7 +640,7 @@ fn a_drive_that_takes_stops_again_may_be_started() {
     assert!(
         rig.notes
             .iter()
-            .any(|(_, note)| *note == Note::EffectiveAtLast),
+            .any(|(_, note)| *note == DriveNote::EffectiveAtLast),
         "{:?}",
         rig.notes
     );
@@ -651,7 +660,8 @@ fn a_stop_on_an_unplugged_line_is_reported_at_once_and_goes_out_when_it_is_back(
         });
         rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
         rig.live(Duration::from_secs(3));
-        rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
+        rig.core
+            .handle(rig.now, LineInput::PortDown(LineFault::Gone));
         rig.settle();
         let from = rig.now;
         let first = rig.command(MQTT, 0, STOP);
@@ -679,7 +689,8 @@ fn a_stop_on_an_unplugged_line_is_reported_at_once_and_goes_out_when_it_is_back(
         assert_eq!(rig.now, from);
         rig.pass(Duration::from_secs(1));
         rig.sent.clear();
-        rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
+        rig.core
+            .handle(rig.now, LineInput::PortUp(PortKind::Serial));
         rig.settle();
         rig.pass(Duration::from_secs(20));
         assert_eq!(rig.output(1), 0, "{}", model.id);
@@ -714,7 +725,8 @@ fn a_stop_that_joins_one_on_a_lost_line_is_no_success() {
             "{}: not effective yet",
             model.id
         );
-        rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
+        rig.core
+            .handle(rig.now, LineInput::PortDown(LineFault::Gone));
         rig.settle();
         for by in [plc(1), plc(2)] {
             let again = rig.command(by, 0, STOP);
@@ -725,7 +737,8 @@ fn a_stop_that_joins_one_on_a_lost_line_is_no_success() {
                 model.id
             );
         }
-        rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
+        rig.core
+            .handle(rig.now, LineInput::PortUp(PortKind::Serial));
         rig.settle();
         rig.sent.clear();
         rig.pass(Duration::from_secs(20));
@@ -761,10 +774,12 @@ fn a_register_that_was_being_written_when_a_stop_came_is_unknown_and_not_refused
 /// What the drive shows of its state and its output stays as it is.
 fn freeze(rig: &mut Rig, model: &Model) -> (Address, u16) {
     let output = model
-        .register_for(Role::OutputFrequency)
+        .register_for(RegisterRole::OutputFrequency)
         .expect("it shows its output")
         .address;
-    let status = model.status_flag(Flag::Running).map(|flag| flag.address);
+    let status = model
+        .status_flag(IndicatedState::Running)
+        .map(|flag| flag.address);
     let held = |rig: &mut Rig, at| rig.view(0).snapshot.reading(at).expect("it was read").raw;
     for address in status.into_iter().chain([output]) {
         let word = held(rig, address);

@@ -7,8 +7,8 @@ use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Order, Origin, Outcome, Owner, Reason};
 use vfd_gateway::domain::control::{ControlAction, ControlSettings, FailSafe, SiteEvidence};
 use vfd_gateway::domain::ids::Station;
-use vfd_gateway::gateway::Note;
-use vfd_gateway::profile::model::{Confidence, Fact, Identity};
+use vfd_gateway::gateway::DriveNote;
+use vfd_gateway::profile::model::{Confidence, Fact, ModelIdentity};
 
 const SECOND: Duration = Duration::from_secs(1);
 /// A model of which every action is unproven.
@@ -120,7 +120,7 @@ fn a_person_who_is_gone_loses_control_and_the_motor_stops() {
     }
     assert!(rig.output(1) > 0, "it is renewed");
     rig.live(SECOND * 10);
-    let lost = Note::CommanderLost {
+    let lost = DriveNote::CommanderLost {
         owner: Owner::Local,
         action: FailSafe::Stop,
     };
@@ -164,7 +164,7 @@ fn what_was_confirmed_at_one_drive_moves_no_other_of_the_same_model() {
             source: "test".to_owned(),
         };
         let others = Vec::new();
-        model.identity = Some(Identity {
+        model.identity = Some(ModelIdentity {
             address: IDENTITY.into(),
             mask: 0x000F,
             values,

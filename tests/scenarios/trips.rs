@@ -9,8 +9,8 @@ use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::link::PortKind;
 use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::drive::view::{RunState, TripEvent, TripEventKind};
-use vfd_gateway::gateway::Input;
-use vfd_gateway::profile::model::{Flag, Model, Role, WordOrder};
+use vfd_gateway::gateway::LineInput;
+use vfd_gateway::profile::model::{IndicatedState, Model, RegisterRole, WordOrder};
 use vfd_gateway::sim::RefusedStops;
 
 const RUN: u16 = 0x0002;
@@ -152,12 +152,14 @@ fn a_trip_while_the_line_was_down_is_reported_as_one_that_nobody_saw_happen() {
         .filter(|model| model.trip_register().is_some())
     {
         let mut rig = rig_of(&model, accepting());
-        rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
+        rig.core
+            .handle(rig.now, LineInput::PortDown(LineFault::Gone));
         rig.settle();
         rig.pass(Duration::from_secs(2));
         let now = rig.now;
         rig.bus.drive_mut(Station(1)).unwrap().trip(now, 2);
-        rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
+        rig.core
+            .handle(rig.now, LineInput::PortUp(PortKind::Serial));
         rig.live(Duration::from_secs(10));
         let [(_, event)] = rig.trips.as_slice() else {
             panic!("{}: {:?}", model.id, rig.trips)
@@ -305,13 +307,13 @@ fn run_that_was_held_through_a_trip_does_not_start_the_motor_when_the_drive_is_r
 }
 
 /// A drive whose present trip stands in a register with `role`, with or without a flag beside it.
-fn showing(role: Role, has_flag: bool) -> Arc<Model> {
+fn showing(role: RegisterRole, has_flag: bool) -> Arc<Model> {
     model_with("teco-e510", |model| {
         model
             .status
-            .retain(|it| has_flag || it.flag != Flag::Tripped);
+            .retain(|it| has_flag || it.flag != IndicatedState::Tripped);
         for register in &mut model.registers {
-            if register.role == Some(Role::TripCode) {
+            if register.role == Some(RegisterRole::TripCode) {
                 register.role = Some(role);
             }
         }
@@ -333,7 +335,7 @@ fn codes(rig: &Rig) -> Vec<(Option<u16>, Vec<u16>)> {
 #[test]
 fn two_bits_at_once_are_one_trip_that_tells_both() {
     for has_flag in [true, false] {
-        let mut rig = rig_of(&showing(Role::TripBits, has_flag), accepting());
+        let mut rig = rig_of(&showing(RegisterRole::TripBits, has_flag), accepting());
         rig.pass(Duration::from_secs(3));
         let now = rig.now;
         rig.bus.drive_mut(Station(1)).unwrap().trip(now, 7);
@@ -354,7 +356,7 @@ fn two_bits_at_once_are_one_trip_that_tells_both() {
 #[test]
 fn a_second_bit_while_the_first_holds_is_another_trip_and_one_that_clears_is_none() {
     for has_flag in [true, false] {
-        let mut rig = rig_of(&showing(Role::TripBits, has_flag), accepting());
+        let mut rig = rig_of(&showing(RegisterRole::TripBits, has_flag), accepting());
         rig.pass(Duration::from_secs(3));
         tripped(&mut rig, 4);
         rig.pass(Duration::from_secs(3));
@@ -384,11 +386,11 @@ fn a_second_bit_while_the_first_holds_is_another_trip_and_one_that_clears_is_non
 
 /// A drive whose trips are the bits of two words.
 fn of_two_words(order: WordOrder, has_flag: bool) -> Arc<Model> {
-    let mut model = Model::clone(&showing(Role::TripBits, has_flag));
+    let mut model = Model::clone(&showing(RegisterRole::TripBits, has_flag));
     let register = model
         .registers
         .iter_mut()
-        .find(|it| it.role == Some(Role::TripBits))
+        .find(|it| it.role == Some(RegisterRole::TripBits))
         .unwrap();
     register.address = 0x2540_u16.into();
     register.form.pair = Some(order);
@@ -454,7 +456,7 @@ fn a_trip_in_the_high_word_alone_is_a_trip_and_ends_as_one() {
 
 #[test]
 fn bits_that_clear_end_the_trip_once() {
-    let mut rig = rig_of(&showing(Role::TripBits, false), accepting());
+    let mut rig = rig_of(&showing(RegisterRole::TripBits, false), accepting());
     rig.pass(Duration::from_secs(3));
     tripped(&mut rig, 4);
     rig.bus.drive_mut(Station(1)).unwrap().keep_trip_bits(0);
@@ -468,7 +470,7 @@ fn bits_that_clear_end_the_trip_once() {
 
 #[test]
 fn an_old_cause_while_the_flag_is_clear_is_no_trip() {
-    let model = showing(Role::TripCause, true);
+    let model = showing(RegisterRole::TripCause, true);
     let mut rig = rig_of(&model, accepting());
     rig.pass(Duration::from_secs(3));
     tripped(&mut rig, 4);

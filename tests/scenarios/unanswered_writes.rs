@@ -7,7 +7,7 @@ use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::native::NativeOutcome;
-use vfd_gateway::drive::snapshot::Presence;
+use vfd_gateway::drive::snapshot::DrivePresence;
 use vfd_gateway::drive::view::RunState;
 use vfd_gateway::profile::check;
 
@@ -74,7 +74,7 @@ fn a_parameter_is_written_once_and_confirmed_by_what_is_read() {
         silent,
         "nothing is wrong with the line"
     );
-    assert_eq!(rig.view(0).snapshot.presence, Presence::Online);
+    assert_eq!(rig.view(0).snapshot.presence, DrivePresence::Online);
     rig.live(SECOND * 11);
     assert_eq!(
         write(&mut rig, APPLICATION, &[8]),
@@ -149,7 +149,7 @@ fn a_drive_that_does_not_come_back_leaves_it_unknown() {
     rig.bus.set_powered(now, Station(1), false);
     assert_eq!(rig.outcome_of(ticket), (Outcome::Unknown, Reason::NoReply));
     rig.live(SECOND * 10);
-    assert_eq!(rig.view(0).snapshot.presence, Presence::Offline);
+    assert_eq!(rig.view(0).snapshot.presence, DrivePresence::Offline);
     assert_eq!(rig.written(APPLICATION), [7]);
 }
 

@@ -11,14 +11,14 @@ use vfd_gateway::domain::command::{Direction, Outcome};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::drive::status::UndocumentedState;
 use vfd_gateway::drive::view::{RunState, TripEventKind};
-use vfd_gateway::gateway::Note;
-use vfd_gateway::profile::model::{Flag, Model, Role};
+use vfd_gateway::gateway::DriveNote;
+use vfd_gateway::profile::model::{IndicatedState, Model, RegisterRole};
 use vfd_gateway::sim::SimDrive;
 
 const SECOND: Duration = Duration::from_secs(1);
 
 /// The register of `flag`, and words in it that no document names for it: with a low bit more, and with a high one.
-fn undocumented(model: &Model, flag: Flag) -> Vec<(Address, u16)> {
+fn undocumented(model: &Model, flag: IndicatedState) -> Vec<(Address, u16)> {
     let Some(flag) = model.status_flag(flag) else {
         return Vec::new();
     };
@@ -46,7 +46,7 @@ fn running(model: &Arc<Model>) -> Rig {
 fn told(rig: &Rig, state: UndocumentedState) -> usize {
     rig.notes
         .iter()
-        .filter(|(_, note)| *note == Note::Undocumented(state))
+        .filter(|(_, note)| *note == DriveNote::Undocumented(state))
         .count()
 }
 
@@ -54,7 +54,7 @@ fn told(rig: &Rig, state: UndocumentedState) -> usize {
 fn it_ends_no_stop_of_any_model() {
     let played = Cell::new(0);
     each(|model| {
-        let words = undocumented(model, Flag::Running);
+        let words = undocumented(model, IndicatedState::Running);
         if model.run.is_none() {
             return;
         }
@@ -62,7 +62,7 @@ fn it_ends_no_stop_of_any_model() {
             let mut rig = running(model);
             // It acknowledges the stop, and turns on.
             let output = model
-                .register_for(Role::OutputFrequency)
+                .register_for(RegisterRole::OutputFrequency)
                 .expect("it shows its output");
             for part in output.address.onwards().take(output.form.words().into()) {
                 let held = rig.view(0).snapshot.reading(part).expect("it was read").raw;
@@ -87,7 +87,7 @@ fn it_ends_no_stop_of_any_model() {
             assert!(
                 rig.notes
                     .iter()
-                    .any(|(_, note)| *note == Note::NotEffective),
+                    .any(|(_, note)| *note == DriveNote::NotEffective),
                 "0x{word:04X}"
             );
             assert_eq!(
@@ -108,7 +108,7 @@ fn it_ends_no_stop_of_any_model() {
 #[test]
 fn it_clears_no_trip_of_any_model() {
     each(|model| {
-        for (address, word) in undocumented(model, Flag::Tripped) {
+        for (address, word) in undocumented(model, IndicatedState::Tripped) {
             let mut rig = rig_of(model, accepting());
             rig.live(SECOND * 3);
             let now = rig.now;

@@ -7,7 +7,7 @@ use vfd_gateway::domain::command::{Direction, Order, RunIntent};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::drive::view::{RunState, TripEventKind};
-use vfd_gateway::profile::model::{Flag, PollClass, Role};
+use vfd_gateway::profile::model::{IndicatedState, PollClass, RegisterRole};
 use vfd_gateway::sim::SimDrive;
 
 const SECOND: Duration = Duration::from_secs(1);
@@ -113,7 +113,7 @@ fn a_block_that_is_doubted_is_read_again_a_second_later() {
 fn a_count_that_was_cleared_at_the_drive_is_believed_after_ten_seconds() {
     let mut rig = running("hyundai-n700");
     let count = model("hyundai-n700")
-        .register_for(Role::TripCount)
+        .register_for(RegisterRole::TripCount)
         .unwrap()
         .address;
     drive(&mut rig).shows_at(count, 0);
@@ -132,7 +132,7 @@ fn a_count_that_was_cleared_at_the_drive_is_believed_after_ten_seconds() {
 fn an_energy_counter_that_falls_for_a_moment_adds_nothing() {
     // In tenths of a kilowatt hour, so little that a drive could have used it all at once.
     let model = model("invertek-optidrive-e3");
-    let energy = model.register_for(Role::Energy).unwrap().address;
+    let energy = model.register_for(RegisterRole::Energy).unwrap().address;
     let mut rig = rig_of(&model, accepting());
     // The part below a step: no block of zeros.
     drive(&mut rig).shows_at(energy.checked_add(1).unwrap(), 5);
@@ -165,7 +165,10 @@ fn an_energy_counter_that_falls_for_a_moment_adds_nothing() {
 #[test]
 fn a_block_of_zeros_is_believed_only_when_it_was_read_again_a_second_later() {
     let model = model("frecon-fr500a");
-    let link = model.register_for(Role::DcLinkVoltage).unwrap().address;
+    let link = model
+        .register_for(RegisterRole::DcLinkVoltage)
+        .unwrap()
+        .address;
     let mut rig = rig_of(&model, accepting());
     rig.live(SECOND * 5);
     let shown = |rig: &Rig| {
@@ -198,11 +201,14 @@ fn an_output_beyond_twice_the_range_is_no_reading() {
         let command = model
             .registers
             .iter_mut()
-            .find(|it| it.role == Some(Role::FrequencyCommand))
+            .find(|it| it.role == Some(RegisterRole::FrequencyCommand))
             .unwrap();
         command.range = Some(0..=30_000);
     });
-    let output = model.register_for(Role::OutputFrequency).unwrap().address;
+    let output = model
+        .register_for(RegisterRole::OutputFrequency)
+        .unwrap()
+        .address;
     let mut rig = rig_of(&model, accepting());
     rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
     rig.live(SECOND * 12);
@@ -239,7 +245,7 @@ fn running_without_an_order() -> Rig {
 
 fn shows_standstill_for(rig: &mut Rig, time: Duration) {
     let output = model("hyundai-n700")
-        .register_for(Role::OutputFrequency)
+        .register_for(RegisterRole::OutputFrequency)
         .unwrap()
         .address;
     drive(rig).shows_at(output, 0);
@@ -278,8 +284,11 @@ fn a_lease_that_ends_in_such_a_moment_is_followed_by_the_declared_stop() {
 fn a_drive_that_no_longer_shows_what_its_motor_does_may_run() {
     let model = model("frecon-fr500a");
     let places = [
-        model.status_flag(Flag::Running).unwrap().address,
-        model.register_for(Role::OutputFrequency).unwrap().address,
+        model.status_flag(IndicatedState::Running).unwrap().address,
+        model
+            .register_for(RegisterRole::OutputFrequency)
+            .unwrap()
+            .address,
     ];
     let mut rig = rig_of(&model, accepting());
     rig.live(SECOND * 5);

@@ -5,8 +5,8 @@ use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Owner};
 use vfd_gateway::domain::ids::{DriveIndex, Station};
 use vfd_gateway::drive::usage::UsageTotals;
-use vfd_gateway::gateway::Input;
-use vfd_gateway::journal::{Entry, KeptUsage, Remembered};
+use vfd_gateway::gateway::LineInput;
+use vfd_gateway::journal::{JournalEntry, KeptUsage, RememberedDrive};
 
 /// Polls come this often, and each start and stop is seen by one of them.
 const POLL: Duration = Duration::from_millis(200);
@@ -35,8 +35,8 @@ fn sums(rig: &Rig) -> UsageTotals {
 
 /// What was returned to be kept.
 fn kept(rig: &Rig) -> Vec<KeptUsage> {
-    let usage = |entry: &&Entry| {
-        if let Entry::Usage(usage) = entry {
+    let usage = |entry: &&JournalEntry| {
+        if let JournalEntry::Usage(usage) = entry {
             Some(*usage)
         } else {
             None
@@ -89,9 +89,9 @@ fn a_sum_is_shown_when_it_is_in_the_journal_and_never_falls_after_a_kill() {
     );
     // The process is killed, and the newest row was not written.
     let written = kept(&rig)[before + 3];
-    rig.restart(Remembered {
+    rig.restart(RememberedDrive {
         usage: written,
-        ..Remembered::default()
+        ..RememberedDrive::default()
     });
     assert_eq!(sums(&rig), written.totals, "before the drive is seen");
     rig.pass(Duration::from_secs(10));
@@ -113,10 +113,10 @@ fn the_running_time_of_a_trip_is_kept_before_the_trip() {
     let entries = rig.entries();
     let trip = entries
         .iter()
-        .position(|entry| matches!(entry, Entry::Trip(..)))
+        .position(|entry| matches!(entry, JournalEntry::Trip(..)))
         .unwrap();
     let usage = entries[..trip].iter().rev().find_map(|entry| match entry {
-        Entry::Usage(usage) => Some(usage.totals),
+        JournalEntry::Usage(usage) => Some(usage.totals),
         _ => None,
     });
     let usage = usage.unwrap();
@@ -129,21 +129,21 @@ fn a_reset_is_recorded_with_who_asked_for_it_and_everything_begins_at_0() {
     let mut rig = rig(true);
     run_for(&mut rig, Duration::from_secs(10));
     rig.core
-        .handle(rig.now, Input::ResetUsage(DriveIndex(0), Owner::Local));
+        .handle(rig.now, LineInput::ResetUsage(DriveIndex(0), Owner::Local));
     rig.settle();
     let entries = rig.entries();
     let reset = entries
         .iter()
         .position(|entry| {
             **entry
-                == Entry::UsageReset {
+                == JournalEntry::UsageReset {
                     owner: Owner::Local,
                 }
         })
         .unwrap();
     assert_eq!(
         *entries[reset + 1],
-        Entry::Usage(KeptUsage {
+        JournalEntry::Usage(KeptUsage {
             totals: UsageTotals::default(),
             ..*kept(&rig).last().unwrap()
         })

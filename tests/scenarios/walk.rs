@@ -11,11 +11,11 @@ use vfd_gateway::domain::command::{Direction, Order, Outcome, Reason, RunIntent}
 use vfd_gateway::domain::control::{ControlAction, ControlSettings};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::link::PortKind;
-use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, Refusal};
+use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, NativeRefusal};
 use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::drive::view::{RunState, TripEventKind};
-use vfd_gateway::gateway::Input;
-use vfd_gateway::profile::model::{Flag, Model, NeededFor, OrderKind, Role};
+use vfd_gateway::gateway::LineInput;
+use vfd_gateway::profile::model::{IndicatedState, Model, NeededFor, OrderKind, RegisterRole};
 
 const SECOND: Duration = Duration::from_secs(1);
 /// What a frequency in fractions of a full scale may be off, in hundredths of a hertz.
@@ -115,7 +115,7 @@ fn every_polled_register_is_read_and_the_drive_found_at_rest() {
                 register.name
             );
         }
-        if model.register_for(Role::OutputFrequency).is_some() {
+        if model.register_for(RegisterRole::OutputFrequency).is_some() {
             assert_eq!(view.run_state, RunState::Stopped);
         }
         assert_ne!(view.trip.active, Some(true));
@@ -245,9 +245,13 @@ fn every_drive_trips_is_reported_once_and_is_reset() {
         let TripEventKind::Tripped { trips: 1, record } = &event.kind else {
             panic!("{event:?}")
         };
-        if [Role::TripCode, Role::TripCause, Role::TripBits]
-            .iter()
-            .any(|it| model.register_for(*it).is_some())
+        if [
+            RegisterRole::TripCode,
+            RegisterRole::TripCause,
+            RegisterRole::TripBits,
+        ]
+        .iter()
+        .any(|it| model.register_for(*it).is_some())
         {
             assert_eq!(record.code, Some(cause));
         }
@@ -301,7 +305,7 @@ fn what_a_drive_must_not_be_reported_never_reaches_its_line() {
                 },
             );
             let outcome = rig.answer_to(ticket);
-            let refused = matches!(outcome, NativeOutcome::Refused(Refusal::Guard(_)));
+            let refused = matches!(outcome, NativeOutcome::Refused(NativeRefusal::Guard(_)));
             assert!(refused, "{address} = {value:04X}: {outcome:?}");
         }
         assert!(rig.writes().is_empty(), "{:X?}", rig.writes());
@@ -312,7 +316,7 @@ fn what_a_drive_must_not_be_reported_never_reaches_its_line() {
 fn forbidden(model: &Model) -> Vec<(Address, u16)> {
     let run = model.run.as_ref().unwrap();
     let command = model
-        .register_for(Role::RunCommand)
+        .register_for(RegisterRole::RunCommand)
         .map(|register| register.address);
     let words = (0..16)
         .map(|bit| 1_u16 << bit)
@@ -346,10 +350,10 @@ fn forbidden(model: &Model) -> Vec<(Address, u16)> {
         .collect()
 }
 
-const fn is_command(role: Role) -> bool {
+const fn is_command(role: RegisterRole) -> bool {
     matches!(
         role,
-        Role::RunCommand | Role::FrequencyCommand | Role::Order
+        RegisterRole::RunCommand | RegisterRole::FrequencyCommand | RegisterRole::Order
     )
 }
 
@@ -382,7 +386,8 @@ fn a_line_that_is_lost_under_way_invents_no_motion_and_a_stop_works_after_it() {
         let mut rig = patient(model);
         runs_forward(&mut rig);
         rig.sent.clear();
-        rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
+        rig.core
+            .handle(rig.now, LineInput::PortDown(LineFault::Gone));
         rig.settle();
         rig.live(SECOND * 5);
         assert!(
@@ -390,7 +395,8 @@ fn a_line_that_is_lost_under_way_invents_no_motion_and_a_stop_works_after_it() {
             "nothing is sent to a port that is gone"
         );
         refuses(&mut rig, setpoint(2000), Reason::LineDown);
-        rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
+        rig.core
+            .handle(rig.now, LineInput::PortUp(PortKind::Serial));
         rig.settle();
         rig.live(SECOND * 8);
         assert!(rig.writes().is_empty(), "{:X?}", rig.writes());
@@ -575,7 +581,7 @@ fn control_is_handed_back_at_standstill_only_where_the_model_can() {
 #[test]
 fn a_drive_that_is_run_at_its_panel_is_seen_and_left_alone() {
     each_that_runs(|model| {
-        if model.status_flag(Flag::Running).is_none() {
+        if model.status_flag(IndicatedState::Running).is_none() {
             return;
         }
         let mut rig = rig(model);
@@ -593,7 +599,7 @@ fn a_drive_that_is_run_at_its_panel_is_seen_and_left_alone() {
             drive.operate(now, Some(Direction::Forward));
         }
         rig.pass(SECOND * 12);
-        let tells_direction = model.status_flag(Flag::Reverse).is_some();
+        let tells_direction = model.status_flag(IndicatedState::Reverse).is_some();
         let expected = if tells_direction {
             RunState::Forward
         } else {

@@ -8,13 +8,13 @@ use vfd_gateway::domain::command::{Direction, Outcome};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::drive::view::RunState;
 use vfd_gateway::drive::warnings;
-use vfd_gateway::profile::model::{CodeText, Confidence, Model, PollClass, Register, Role};
+use vfd_gateway::profile::model::{CodeText, Confidence, Model, PollClass, Register, RegisterRole};
 
 const WARNING: u16 = 0x2540;
 
-fn warning_in(role: Role) -> Arc<Model> {
+fn warning_in(role: RegisterRole) -> Arc<Model> {
     model_with("teco-e510", |model| {
-        let trip = model.register_for(Role::TripCode).cloned().unwrap();
+        let trip = model.register_for(RegisterRole::TripCode).cloned().unwrap();
         let register = Register {
             name: "warning".to_owned(),
             address: WARNING.into(),
@@ -45,7 +45,7 @@ fn warn(rig: &mut Rig, word: u16) {
 
 #[test]
 fn a_warning_is_shown_and_neither_stops_the_motor_nor_counts_as_a_trip() {
-    for role in [Role::WarningCode, Role::WarningBits] {
+    for role in [RegisterRole::WarningCode, RegisterRole::WarningBits] {
         let model = warning_in(role);
         let mut rig = rig_of(&model, accepting());
         rig.pass(Duration::from_secs(3));
@@ -78,7 +78,7 @@ fn a_warning_is_shown_and_neither_stops_the_motor_nor_counts_as_a_trip() {
             "{outcome:?} {reason:?}"
         );
         let shown = warnings::text(&model, 5).unwrap();
-        let expected = if role == Role::WarningBits {
+        let expected = if role == RegisterRole::WarningBits {
             "heat sink is hot; fan is due"
         } else {
             "code 5"

@@ -10,7 +10,7 @@ use vfd_gateway::domain::control::{ControlSettings, FailSafe};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::drive::watchdog::{WatchdogState, WatchdogView};
-use vfd_gateway::gateway::{Input, Note};
+use vfd_gateway::gateway::{DriveNote, LineInput};
 use vfd_gateway::profile::model::{Confidence, Model};
 
 const SECOND: Duration = Duration::from_secs(1);
@@ -96,7 +96,7 @@ fn it_is_shown_for_every_model_that_has_one_and_for_no_other() {
         assert!(
             rig.notes
                 .iter()
-                .any(|(_, note)| *note == Note::Watchdog(WatchdogState::Off)),
+                .any(|(_, note)| *note == DriveNote::Watchdog(WatchdogState::Off)),
             "{:?}",
             rig.notes
         );
@@ -152,7 +152,7 @@ fn each_change_is_reported_once_and_what_does_not_fit_is_an_alarm() {
         let told = rig
             .notes
             .iter()
-            .filter(|(_, note)| *note == Note::Watchdog(seen))
+            .filter(|(_, note)| *note == DriveNote::Watchdog(seen))
             .count();
         assert_eq!(
             told,
@@ -160,7 +160,7 @@ fn each_change_is_reported_once_and_what_does_not_fit_is_an_alarm() {
             "{seen:?}: {:?}",
             rig.notes
         );
-        let is_alarm = Note::Watchdog(seen).to_string().starts_with("ALARM");
+        let is_alarm = DriveNote::Watchdog(seen).to_string().starts_with("ALARM");
         assert_eq!(is_alarm, seen != WatchdogState::InOrder);
     }
 }
@@ -169,7 +169,8 @@ fn each_change_is_reported_once_and_what_does_not_fit_is_an_alarm() {
 fn a_gateway_that_goes_silent_lets_the_drive_stop_itself() {
     let mut rig = watched(settings());
     starts(&mut rig);
-    rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
+    rig.core
+        .handle(rig.now, LineInput::PortDown(LineFault::Gone));
     rig.pass(SECOND * 9);
     assert_eq!((rig.output(1), expiries(&mut rig)), (3000, 0));
     rig.pass(SECOND * 2);
@@ -181,7 +182,8 @@ fn a_gateway_that_goes_silent_lets_the_drive_stop_itself() {
     let (outcome, reason) = rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
     assert_ne!(outcome, Outcome::Refused, "{reason:?}");
     rig.live(SECOND * 5);
-    rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
+    rig.core
+        .handle(rig.now, LineInput::PortDown(LineFault::Gone));
     rig.pass(SECOND * 11);
     assert_eq!(expiries(&mut rig), 1);
     assert!(rig.bus.drive(Station(1)).unwrap().is_tripped());
@@ -204,7 +206,7 @@ fn a_declared_stop_that_works_needs_no_watchdog() {
     assert!(
         !rig.notes
             .iter()
-            .any(|(_, note)| *note == Note::LeftToWatchdog),
+            .any(|(_, note)| *note == DriveNote::LeftToWatchdog),
         "{:?}",
         rig.notes
     );
@@ -229,7 +231,7 @@ fn a_declared_stop_without_effect_is_left_to_the_watchdog() {
     assert!(
         rig.notes
             .iter()
-            .any(|(_, note)| *note == Note::LeftToWatchdog),
+            .any(|(_, note)| *note == DriveNote::LeftToWatchdog),
         "{:?}",
         rig.notes
     );
@@ -284,7 +286,7 @@ fn without_a_watchdog_that_stops_the_motor_the_stop_is_repeated_for_ever() {
         assert!(
             !rig.notes
                 .iter()
-                .any(|(_, note)| *note == Note::LeftToWatchdog),
+                .any(|(_, note)| *note == DriveNote::LeftToWatchdog),
             "{time} {reaction}"
         );
         let gap = rig

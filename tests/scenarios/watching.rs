@@ -3,7 +3,7 @@
 use crate::support::{MQTT, Rig, RigOptions, STOP};
 use std::time::Duration;
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::domain::traffic::{TrafficKind, Why};
+use vfd_gateway::domain::traffic::{FramePurpose, TrafficKind};
 use vfd_gateway::sim::BusOptions;
 
 /// Drives that are polled, read and stopped on a line on which everything goes wrong at times, watched or not.
@@ -87,7 +87,12 @@ fn all_that_goes_over_the_wire_is_reported_once_and_in_order() {
     }
     let whys: Vec<_> = requests.iter().filter_map(|record| record.why).collect();
     assert_eq!(whys.len(), requests.len());
-    for why in [Why::Client, Why::Poll, Why::Stop, Why::Command] {
+    for why in [
+        FramePurpose::Client,
+        FramePurpose::Poll,
+        FramePurpose::Stop,
+        FramePurpose::Command,
+    ] {
         assert!(whys.contains(&why), "{why:?}");
     }
 }

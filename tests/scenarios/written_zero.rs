@@ -10,8 +10,8 @@ use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::native::NativeAsk;
 use vfd_gateway::drive::view::RunState;
-use vfd_gateway::gateway::Note;
-use vfd_gateway::profile::model::{Model, Role};
+use vfd_gateway::gateway::DriveNote;
+use vfd_gateway::profile::model::{Model, RegisterRole};
 use vfd_gateway::sim::FaultPlan;
 
 const SECOND: Duration = Duration::from_secs(1);
@@ -99,14 +99,14 @@ fn other_master_runs(rig: &mut Rig, model: &Model, direction: Direction) {
 }
 
 fn other_master_orders(rig: &mut Rig, model: &Model, direction: Direction, setpoint: u16) {
-    let at = address_of(model, Role::RunCommand);
+    let at = address_of(model, RegisterRole::RunCommand);
     let run = model.run.as_ref().unwrap();
     let word = match direction {
         Direction::Forward => run.forward.value,
         Direction::Reverse => run.reverse.as_ref().unwrap().value,
     };
     for (address, value) in [
-        (address_of(model, Role::FrequencyCommand), setpoint),
+        (address_of(model, RegisterRole::FrequencyCommand), setpoint),
         (at, word),
     ] {
         let pdu = [
@@ -166,7 +166,7 @@ fn start(rig: &mut Rig, model: &Model, starter: Starter) {
 /// A drive whose words take control must be released before panel or terminals can command it.
 fn release_priority(rig: &mut Rig, model: &Model) {
     if let Some(release) = model.run.as_ref().and_then(|run| run.release.as_ref()) {
-        let at = address_of(model, Role::RunCommand).to_be_bytes();
+        let at = address_of(model, RegisterRole::RunCommand).to_be_bytes();
         let pdu = [vec![6], at.to_vec(), release.value.to_be_bytes().to_vec()].concat();
         let now = rig.now;
         rig.bus
@@ -182,7 +182,7 @@ fn stop_word(model: &Model) -> u16 {
 
 fn stops(rig: &Rig, model: &Model) -> usize {
     let word = stop_word(model);
-    rig.written(address_of(model, Role::RunCommand))
+    rig.written(address_of(model, RegisterRole::RunCommand))
         .into_iter()
         .filter(|it| *it == word)
         .count()
@@ -205,7 +205,7 @@ fn a_written_zero_stops_a_motor_that_was_started_elsewhere() {
                 let (outcome, reason) = rig.outcome_of(ticket);
                 let sent = stops(&rig, &model);
                 assert!(sent >= 1, "{what}: {outcome:?} {reason:?}");
-                let setpoint = address_of(&model, Role::FrequencyCommand);
+                let setpoint = address_of(&model, RegisterRole::FrequencyCommand);
                 assert!(rig.written(setpoint).is_empty(), "{what}");
                 let owner = rig.view(0).control.unwrap().lease.map(|(owner, _)| owner);
                 assert_eq!(owner, None, "{what}: a stop opens no lease");
@@ -231,7 +231,7 @@ fn a_zero_in_the_native_run_command_is_one_too() {
             start(&mut rig, &model, starter);
             rig.live(SEEN);
             rig.sent.clear();
-            let address = address_of(&model, Role::RunCommand);
+            let address = address_of(&model, RegisterRole::RunCommand);
             let ask = NativeAsk::Write {
                 address: address.into(),
                 values: vec![stop_word(&model)],
@@ -370,10 +370,9 @@ fn a_controller_that_writes_zero_in_every_cycle_holds_the_drive_stopped() {
             "{}: {sent} stops for {STARTS} starts",
             model.id
         );
-        let told = rig
-            .notes
-            .iter()
-            .filter(|(_, note)| matches!(note, Note::StoppedAgain { by } if *by == ORIGIN.owner));
+        let told = rig.notes.iter().filter(
+            |(_, note)| matches!(note, DriveNote::StoppedAgain { by } if *by == ORIGIN.owner),
+        );
         assert_eq!(told.count(), 1, "{}: {:?}", model.id, rig.notes);
         let shown = rig.view(0).control.unwrap().stopped_again.expect("shown");
         assert_eq!(

@@ -5,16 +5,19 @@ use crate::support::families::{accepting, rig_of};
 use crate::support::model;
 use std::time::Duration;
 use vfd_gateway::domain::ids::Station;
-use vfd_gateway::domain::suspicion::Suspicion;
+use vfd_gateway::domain::suspicion::LineSuspicion;
 use vfd_gateway::drive::view::TripEventKind;
-use vfd_gateway::profile::model::Role;
+use vfd_gateway::profile::model::RegisterRole;
 
 const SECOND: Duration = Duration::from_secs(1);
 
 #[test]
 fn its_trips_are_told_and_the_form_is_named() {
     let model = model("hyundai-n700");
-    let source = model.register_for(Role::FrequencySource).unwrap().address;
+    let source = model
+        .register_for(RegisterRole::FrequencySource)
+        .unwrap()
+        .address;
     let mut rig = rig_of(&model, accepting());
     rig.live(SECOND * 5);
     rig.bus
@@ -23,7 +26,7 @@ fn its_trips_are_told_and_the_form_is_named() {
         .answers_too_long_at(source);
     rig.live(SECOND * 120);
     let suspicion = rig.core.report().suspicion;
-    let Some(Suspicion::WrongReplies {
+    let Some(LineSuspicion::WrongReplies {
         station: Station(1),
         request,
         reply,
@@ -48,7 +51,7 @@ fn its_trips_are_told_and_the_form_is_named() {
         panic!("{event:?}")
     };
     assert_eq!(record.code, Some(7));
-    let count = model.register_for(Role::TripCount).unwrap().address;
+    let count = model.register_for(RegisterRole::TripCount).unwrap().address;
     assert!(
         rig.view(0)
             .snapshot

@@ -14,15 +14,15 @@ use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::config;
 use vfd_gateway::daemon::exchange::north_sides::NorthSides;
-use vfd_gateway::daemon::exchange::shared::{Current, Shared};
+use vfd_gateway::daemon::exchange::shared::{CurrentPlant, SharedPlant};
 use vfd_gateway::daemon::host::clock;
 use vfd_gateway::daemon::journal::{
-    Journal, JournalReport, JournalState, NorthSource, Settings, Source, file_in,
+    Journal, JournalReport, JournalSource, JournalState, NorthSource, Settings, file_in,
 };
 use vfd_gateway::daemon::lines::build;
 use vfd_gateway::domain::command::{Owner, Reason, Report};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::journal::{Attempt, AttemptId, Entry, Keep, Tried};
+use vfd_gateway::journal::{AttemptId, EntryToKeep, JournalEntry, TriedWrite, WriteAttempt};
 use vfd_gateway::vendors;
 
 /// Attempts at one line.
@@ -86,7 +86,7 @@ impl Drop for Place {
 /// A journal with lines and a north side.
 struct Desk {
     journal: Arc<Journal>,
-    shared: Arc<Shared>,
+    shared: Arc<SharedPlant>,
     north: NorthSource,
     /// Attempts so far.
     said: u64,
@@ -122,7 +122,7 @@ impl Desk {
             Arc::clone(&shared.changed),
         )
         .expect("a journal");
-        let north = journal.north(Current::from(Arc::clone(&shared)));
+        let north = journal.north(CurrentPlant::from(Arc::clone(&shared)));
         Self {
             journal,
             shared,
@@ -134,7 +134,7 @@ impl Desk {
     }
 
     /// Starts the line again.
-    fn line(&self) -> Source {
+    fn line(&self) -> JournalSource {
         let line = &self.shared.lines[0];
         let drives = self
             .shared
@@ -147,19 +147,19 @@ impl Desk {
     }
 
     /// The line makes an attempt; now and then the north side refuses one, each with another text.
-    fn keep(&mut self, source: &Source, keep: Keep, first: u64) {
+    fn keep(&mut self, source: &JournalSource, keep: EntryToKeep, first: u64) {
         let row = keep.row;
-        let is_attempt = matches!(keep.entry, Entry::Attempt(_));
+        let is_attempt = matches!(keep.entry, JournalEntry::Attempt(_));
         source.keep(keep);
         self.said += u64::from(is_attempt);
         if is_attempt && row.0.is_multiple_of(3) {
             self.of_north += 1;
             self.said += 1;
-            let tried = Tried::Text(format!("no {}", first + self.of_north));
+            let tried = TriedWrite::Text(format!("no {}", first + self.of_north));
             let report = Some(Report::refused(Reason::NotUnderstood));
             self.north.keep(
                 None,
-                Attempt {
+                WriteAttempt {
                     id: AttemptId(self.of_north),
                     owner: Owner::Mqtt,
                     tried,

@@ -9,18 +9,18 @@ use std::collections::HashMap;
 use std::net::{IpAddr, Ipv4Addr};
 use std::time::Duration;
 use vfd_gateway::domain::command::{
-    CommandRequest, Direction, Go, Manner, Order, Origin, Owner, Report, Rights,
+    CommandRequest, Direction, GoOrder, Order, OrderManner, Origin, Owner, Report, Rights,
 };
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::{AskerId, CommanderName, DriveIndex, Ticket};
 use vfd_gateway::domain::native::{NativeAsk, NativeRequest};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::gateway::{Effect, Input};
-use vfd_gateway::journal::{Entry, Keep};
+use vfd_gateway::gateway::{LineEffect, LineInput};
+use vfd_gateway::journal::{EntryToKeep, JournalEntry};
 use vfd_gateway::sim::FaultPlan;
 
 /// The receiver of the line's rows.
-type Sink<'s> = &'s mut dyn FnMut(Keep);
+type Sink<'s> = &'s mut dyn FnMut(EntryToKeep);
 
 /// The state of the attempts.
 struct Books<'s> {
@@ -104,13 +104,13 @@ pub fn audit_into(seed: u64, count: u64, sink: Sink<'_>) -> Result<(u64, u64), S
 }
 
 impl Books<'_> {
-    fn note(&mut self, entry: &Entry) -> Result<(), String> {
+    fn note(&mut self, entry: &JournalEntry) -> Result<(), String> {
         match entry {
-            Entry::Attempt(attempt) => {
+            JournalEntry::Attempt(attempt) => {
                 self.rows += 1;
                 self.said.push((attempt.id.0, attempt.report));
             }
-            Entry::Ended { attempt, report } => {
+            JournalEntry::Ended { attempt, report } => {
                 let said = self
                     .said
                     .iter_mut()
@@ -186,7 +186,7 @@ fn give(world: &mut World, rng: &mut Rng, ticket: u64) -> bool {
         let origin = Origin {
             owner,
             rights,
-            manner: Manner::Cyclic,
+            manner: OrderManner::Cyclic,
         };
         let deadline = world.now + Duration::from_secs(5);
         let request = NativeRequest {
@@ -197,7 +197,7 @@ fn give(world: &mut World, rng: &mut Rng, ticket: u64) -> bool {
             ask,
             deadline,
         };
-        world.core.handle(world.now, Input::Native(request));
+        world.core.handle(world.now, LineInput::Native(request));
         return true;
     }
     let direction = if rng.bool() {
@@ -206,7 +206,8 @@ fn give(world: &mut World, rng: &mut Rng, ticket: u64) -> bool {
         Direction::Reverse
     };
     let frequency = Some(Hertz::from_centihertz(rng.u16(300..6_000)));
-    let go = |frequency, run| Order::Go(Go::new(Vec::new(), frequency, run).expect("an order"));
+    let go =
+        |frequency, run| Order::Go(GoOrder::new(Vec::new(), frequency, run).expect("an order"));
     let order = match rng.u8(0..12) {
         0..3 => go(frequency, Some(direction)),
         3..8 => go(frequency, None),
@@ -218,7 +219,7 @@ fn give(world: &mut World, rng: &mut Rng, ticket: u64) -> bool {
     let origin = Origin {
         owner,
         rights,
-        manner: Manner::Once,
+        manner: OrderManner::Once,
     };
     let start_before = world.now + Duration::from_millis(rng.u64(1..1_500));
     let issued = rng.bool().then_some(world.now);
@@ -234,14 +235,14 @@ fn give(world: &mut World, rng: &mut Rng, ticket: u64) -> bool {
         epoch,
         trial,
     };
-    world.core.handle(world.now, Input::Command(command));
+    world.core.handle(world.now, LineInput::Command(command));
     false
 }
 
 fn pass(world: &mut World, books: &mut Books<'_>, time: Duration) -> Result<(), String> {
     let until = world.now + time;
     loop {
-        world.core.handle(world.now, Input::Time);
+        world.core.handle(world.now, LineInput::Time);
         drain(world, books)?;
         if let Some(attempt) = books.said.first() {
             return Err(format!("attempt {attempt:?} is said without one"));
@@ -257,26 +258,26 @@ fn pass(world: &mut World, books: &mut Books<'_>, time: Duration) -> Result<(), 
         }
         world.now = world.now.max(next);
         let core = &mut world.core;
-        world
-            .bus
-            .take_due(world.now, |at, bytes| core.handle(at, Input::Bytes(bytes)));
+        world.bus.take_due(world.now, |at, bytes| {
+            core.handle(at, LineInput::Bytes(bytes))
+        });
     }
 }
 
 fn drain(world: &mut World, books: &mut Books<'_>) -> Result<(), String> {
     while let Some(effect) = world.core.next_effect() {
         match effect {
-            Effect::Transmit(frame) => {
+            LineEffect::Transmit(frame) => {
                 world.bus.receive(world.now, &frame);
                 world.core.transmitted(world.now);
             }
-            Effect::Command(answer) if answer.is_final => {
+            LineEffect::Command(answer) if answer.is_final => {
                 let before = books.told.insert(answer.ticket.0, answer.report);
                 before.map_or(Ok(()), |before| {
                     Err(format!("{:?} was told before: {before:?}", answer.ticket))
                 })?;
             }
-            Effect::Keep(keep) => {
+            LineEffect::Keep(keep) => {
                 books.note(&keep.entry)?;
                 (books.sink)(keep);
             }

@@ -6,17 +6,17 @@ use fastrand::Rng;
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
-use vfd_gateway::domain::command::{Manner, Origin, Owner, Rights};
+use vfd_gateway::domain::command::{OrderManner, Origin, Owner, Rights};
 use vfd_gateway::domain::ids::{AskerId, DriveIndex, Station, Ticket};
 use vfd_gateway::domain::link::{EchoPolicy, Framing, LinkSettings, PortKind};
 use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, NativeRequest};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineSetup};
-use vfd_gateway::journal::Remembered;
+use vfd_gateway::gateway::{DriveSetup, LineCore, LineEffect, LineInput, LineSetup};
+use vfd_gateway::journal::RememberedDrive;
 use vfd_gateway::line::timeouts::ReplyTimeouts;
-use vfd_gateway::line::timing::Timing;
+use vfd_gateway::line::timing::LineTiming;
 use vfd_gateway::profile::model::Model;
-use vfd_gateway::sim::{BusOptions, Delivery, DriveOptions, FaultPlan, SimBus, SimDrive};
+use vfd_gateway::sim::{BusDelivery, BusOptions, DriveOptions, FaultPlan, SimBus, SimDrive};
 use vfd_gateway::vendors;
 
 /// How long a client waits before it repeats a read that was not answered with words.
@@ -139,7 +139,7 @@ impl Walk {
         };
         let options = BusOptions {
             turnaround: plan.turnaround,
-            delivery: Delivery::Replies,
+            delivery: BusDelivery::Replies,
             ..BusOptions::default()
         };
         let mut bus = SimBus::new(link, options, rng.u64(..));
@@ -163,10 +163,10 @@ impl Walk {
             },
             max_lateness: model.timing.max_lateness.value,
             control: None,
-            remembered: Remembered::default(),
+            remembered: RememberedDrive::default(),
         };
         let setup = LineSetup {
-            timing: Timing::for_models(Framing::Rtu, link, [model.as_ref()], Duration::ZERO),
+            timing: LineTiming::for_models(Framing::Rtu, link, [model.as_ref()], Duration::ZERO),
             drives: stations.map(drive).collect(),
             echo: EchoPolicy::Strip,
             tells_traffic: false,
@@ -178,7 +178,7 @@ impl Walk {
         };
         let now = MonoTime::from_millis(1_000);
         let mut core = LineCore::new(setup, now);
-        core.handle(now, Input::PortUp(PortKind::Serial));
+        core.handle(now, LineInput::PortUp(PortKind::Serial));
         Self {
             core,
             bus,
@@ -211,7 +211,7 @@ impl Walk {
             origin: Origin {
                 owner: Owner::Local,
                 rights,
-                manner: Manner::Once,
+                manner: OrderManner::Once,
             },
             ask: NativeAsk::Read {
                 address: (PROOF + self.rng.u16(0..8)).into(),
@@ -219,7 +219,7 @@ impl Walk {
             },
             deadline: self.now + Duration::from_secs(5),
         };
-        self.core.handle(self.now, Input::Native(request));
+        self.core.handle(self.now, LineInput::Native(request));
     }
 
     /// Jumps to the next event.
@@ -237,8 +237,9 @@ impl Walk {
             .unwrap_or(MonoTime::NEVER);
         self.now = self.now.max(wake.min(due).min(ask));
         let core = &mut self.core;
-        self.bus
-            .take_due(self.now, |at, bytes| core.handle(at, Input::Bytes(bytes)));
+        self.bus.take_due(self.now, |at, bytes| {
+            core.handle(at, LineInput::Bytes(bytes))
+        });
         let now = self.now;
         let (due, later): (Vec<_>, Vec<_>) = self.next.drain(..).partition(|(at, _)| *at <= now);
         self.next = later;
@@ -247,18 +248,19 @@ impl Walk {
     }
 
     fn settle(&mut self) {
-        self.core.handle(self.now, Input::Time);
+        self.core.handle(self.now, LineInput::Time);
         while let Some(effect) = self.core.next_effect() {
             match effect {
-                Effect::Transmit(frame) => {
+                LineEffect::Transmit(frame) => {
                     self.proof = (self.bus.exchange(Station(frame[0])) + 1) as u16;
                     self.bus.receive(self.now, &frame);
                     self.core.transmitted(self.now);
                 }
-                Effect::Answer(answer) => self.answered(answer.ticket.0, &answer.outcome),
-                Effect::Reopen(fault) => {
-                    self.core.handle(self.now, Input::PortDown(fault));
-                    self.core.handle(self.now, Input::PortUp(PortKind::Serial));
+                LineEffect::Answer(answer) => self.answered(answer.ticket.0, &answer.outcome),
+                LineEffect::Reopen(fault) => {
+                    self.core.handle(self.now, LineInput::PortDown(fault));
+                    self.core
+                        .handle(self.now, LineInput::PortUp(PortKind::Serial));
                 }
                 _ => {}
             }

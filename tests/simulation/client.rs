@@ -5,16 +5,16 @@ use super::plan::PROOF;
 use super::world::World;
 use fastrand::Rng;
 use std::net::{IpAddr, Ipv4Addr};
-use vfd_gateway::domain::command::{Manner, Origin, Owner, Rights};
+use vfd_gateway::domain::command::{OrderManner, Origin, Owner, Rights};
 use vfd_gateway::domain::ids::AskerId;
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::north::modbus::{Commands, Connection, Limits};
+use vfd_gateway::north::modbus::{CallCommands, ConnectionLimits, ModbusConnection};
 
 /// One client with its connection.
 #[derive(Debug)]
 pub struct Client {
-    pub machine: Connection,
-    pub commands: Commands,
+    pub machine: ModbusConnection,
+    pub commands: CallCommands,
     pub asker: AskerId,
     pub origin: Origin,
     transaction: u16,
@@ -37,13 +37,13 @@ impl Client {
             stop: true,
         };
         Self {
-            machine: Connection::new(Limits::default(), now),
-            commands: Commands::default(),
+            machine: ModbusConnection::new(ConnectionLimits::default(), now),
+            commands: CallCommands::default(),
             asker: AskerId(asker),
             origin: Origin {
                 owner: Owner::ModbusTcp(address),
                 rights,
-                manner: Manner::Cyclic,
+                manner: OrderManner::Cyclic,
             },
             transaction: 0,
             stalled_until: None,

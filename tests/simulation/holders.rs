@@ -8,12 +8,12 @@ use fastrand::Rng;
 use std::net::{IpAddr, Ipv4Addr};
 use std::time::Duration;
 use vfd_gateway::domain::command::{
-    CommandRequest, Direction, Go, Manner, Order, Origin, Owner, Rights,
+    CommandRequest, Direction, GoOrder, Order, OrderManner, Origin, Owner, Rights,
 };
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::{AskerId, DriveIndex, Ticket};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::gateway::{Effect, Input};
+use vfd_gateway::gateway::{LineEffect, LineInput};
 use vfd_gateway::sim::FaultPlan;
 
 /// Drives of one line.
@@ -49,7 +49,7 @@ pub fn holders(seed: u64) -> Result<(u64, Duration, Duration), String> {
     };
     line.pass(Duration::from_secs(20));
     for drive in 0..u16::from(DRIVES) {
-        let run = Go::new(
+        let run = GoOrder::new(
             Vec::new(),
             Some(Hertz::from_centihertz(3_000)),
             Some(Direction::Forward),
@@ -108,7 +108,7 @@ impl Line {
                 write: true,
                 stop: true,
             },
-            manner: Manner::Once,
+            manner: OrderManner::Once,
         };
         let command = CommandRequest {
             asker: AskerId(1_000),
@@ -121,7 +121,7 @@ impl Line {
             epoch: None,
             trial: None,
         };
-        world.core.handle(world.now, Input::Command(command));
+        world.core.handle(world.now, LineInput::Command(command));
     }
 
     /// Lets time pass and notes stop frames. The checker is not used: it does not know the orders.
@@ -129,9 +129,9 @@ impl Line {
         let until = self.world.now + time;
         loop {
             let world = &mut self.world;
-            world.core.handle(world.now, Input::Time);
+            world.core.handle(world.now, LineInput::Time);
             while let Some(effect) = world.core.next_effect() {
-                if let Effect::Transmit(frame) = effect {
+                if let LineEffect::Transmit(frame) = effect {
                     let word = |at: usize| u16::from_be_bytes([frame[at], frame[at + 1]]);
                     if frame[1] == 6 && (word(2), word(4)) == (self.run, self.stop) {
                         self.stops.push((world.now, frame[0]));
@@ -151,9 +151,9 @@ impl Line {
             }
             world.now = world.now.max(next);
             let core = &mut world.core;
-            world
-                .bus
-                .take_due(world.now, |at, bytes| core.handle(at, Input::Bytes(bytes)));
+            world.bus.take_due(world.now, |at, bytes| {
+                core.handle(at, LineInput::Bytes(bytes))
+            });
         }
     }
 }

@@ -6,16 +6,18 @@ use std::collections::VecDeque;
 use std::time::Duration;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::drive::view::TripEventKind;
-use vfd_gateway::journal::{Entry, Keep, Remembered, RememberedLease, RememberedStop, RowNumber};
+use vfd_gateway::journal::{
+    EntryToKeep, JournalEntry, RememberedDrive, RememberedLease, RememberedStop, RowNumber,
+};
 
 /// The journal of one line across restarts of the gateway.
 pub struct Journal {
     rng: Rng,
     /// Rows under way to the disk, and when they are stored.
-    on_the_way: VecDeque<(MonoTime, Keep)>,
+    on_the_way: VecDeque<(MonoTime, EntryToKeep)>,
     /// From then on nothing is stored any more.
     stuck_from: MonoTime,
-    memory: Vec<Remembered>,
+    memory: Vec<RememberedDrive>,
     last_row: u64,
 }
 
@@ -25,7 +27,7 @@ impl Journal {
             rng: Rng::with_seed(seed),
             on_the_way: VecDeque::new(),
             stuck_from: MonoTime::NEVER,
-            memory: vec![Remembered::default(); drives],
+            memory: vec![RememberedDrive::default(); drives],
             last_row: 0,
         }
     }
@@ -36,7 +38,7 @@ impl Journal {
     }
 
     /// Takes a row of the line. Rows are numbered without gaps.
-    pub fn say(&mut self, now: MonoTime, keep: Keep) -> Result<(), String> {
+    pub fn say(&mut self, now: MonoTime, keep: EntryToKeep) -> Result<(), String> {
         self.last_row += 1;
         let is_next = keep.row.0 == self.last_row;
         let number = (keep.row.0, self.last_row);
@@ -69,7 +71,7 @@ impl Journal {
             newest = Some(keep.row);
             let drive = keep.drive.get();
             self.remember(drive, &keep.entry);
-            if let Entry::Trip(event, _) = &keep.entry
+            if let JournalEntry::Trip(event, _) = &keep.entry
                 && let TripEventKind::Tripped { trips, .. } = event.kind
             {
                 tell(
@@ -84,27 +86,29 @@ impl Journal {
         newest
     }
 
-    fn remember(&mut self, drive: usize, entry: &Entry) {
+    fn remember(&mut self, drive: usize, entry: &JournalEntry) {
         let memory = &mut self.memory[drive];
         match entry {
-            Entry::Trip(event, baseline) => {
+            JournalEntry::Trip(event, baseline) => {
                 memory.trips = Some(*baseline);
                 if let TripEventKind::Tripped { trips, record } = &event.kind {
                     memory.trips_total += u32::from(*trips);
                     memory.last_code = record.code;
                 }
             }
-            Entry::Baseline(baseline) => memory.trips = Some(*baseline),
-            Entry::Lease(owner) => {
+            JournalEntry::Baseline(baseline) => memory.trips = Some(*baseline),
+            JournalEntry::Lease(owner) => {
                 memory.lease = owner.map(|owner| RememberedLease {
                     owner,
                     was_orphaned: false,
                 });
             }
-            Entry::StopPending { coast } => memory.stop = Some(RememberedStop { coast: *coast }),
-            Entry::StopOver { .. } => memory.stop = None,
-            Entry::ResetWord { may_stand } => memory.reset = *may_stand,
-            Entry::Usage(usage) => {
+            JournalEntry::StopPending { coast } => {
+                memory.stop = Some(RememberedStop { coast: *coast })
+            }
+            JournalEntry::StopOver { .. } => memory.stop = None,
+            JournalEntry::ResetWord { may_stand } => memory.reset = *may_stand,
+            JournalEntry::Usage(usage) => {
                 let before = std::mem::replace(&mut memory.usage, *usage).totals;
                 let now = usage.totals;
                 // They are never reset here.
@@ -114,22 +118,24 @@ impl Journal {
                     "{before:?}, then {now:?}"
                 );
             }
-            Entry::OutOfSight { last_seen } => {
+            JournalEntry::OutOfSight { last_seen } => {
                 (memory.may_still_run, memory.last_seen) = (true, *last_seen)
             }
-            Entry::InSight { .. } => (memory.may_still_run, memory.last_seen) = (false, None),
-            Entry::Attempt(_)
-            | Entry::Ended { .. }
-            | Entry::FailSafe { .. }
-            | Entry::FailSafeCame(_)
-            | Entry::Presence(_)
-            | Entry::UsageReset { .. } => {}
+            JournalEntry::InSight { .. } => {
+                (memory.may_still_run, memory.last_seen) = (false, None)
+            }
+            JournalEntry::Attempt(_)
+            | JournalEntry::Ended { .. }
+            | JournalEntry::FailSafe { .. }
+            | JournalEntry::FailSafeCame(_)
+            | JournalEntry::Presence(_)
+            | JournalEntry::UsageReset { .. } => {}
         }
     }
 
     /// The gateway is killed: rows under way are lost. Returns what the next one knows; the leases among it have
     /// expired after that.
-    pub fn kill(&mut self) -> Vec<Remembered> {
+    pub fn kill(&mut self) -> Vec<RememberedDrive> {
         self.on_the_way.clear();
         self.stuck_from = MonoTime::NEVER;
         self.last_row = 0;

@@ -15,8 +15,8 @@ use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::drive::view::DriveView;
-use vfd_gateway::gateway::{Input, LineCore};
-use vfd_gateway::journal::{Entry, Keep};
+use vfd_gateway::gateway::{LineCore, LineInput};
+use vfd_gateway::journal::{EntryToKeep, JournalEntry};
 
 /// Kills of one world.
 const PER_WORLD: u64 = 20;
@@ -111,7 +111,7 @@ impl World {
         };
         let newest = journal.take(now, |drive, it| checker.kept(now.as_nanos(), drive, it));
         if let Some(row) = newest {
-            self.core.handle(now, Input::Kept(row));
+            self.core.handle(now, LineInput::Kept(row));
         }
         for drive in 0..self.plan.line.drives.len() {
             let view = self
@@ -123,10 +123,12 @@ impl World {
     }
 
     /// Takes a row of the line.
-    pub fn keep(&mut self, keep: Keep) {
+    pub fn keep(&mut self, keep: EntryToKeep) {
         match &keep.entry {
-            Entry::Attempt(attempt) => self.checker.attempt(attempt.id.0, attempt.report.is_some()),
-            Entry::Ended { attempt, .. } => self.checker.attempt_ended(attempt.0),
+            JournalEntry::Attempt(attempt) => {
+                self.checker.attempt(attempt.id.0, attempt.report.is_some())
+            }
+            JournalEntry::Ended { attempt, .. } => self.checker.attempt_ended(attempt.0),
             _ => {}
         }
         let Some(journal) = &mut self.journal else {

@@ -10,12 +10,12 @@ use vfd_gateway::domain::native::NativeAnswer;
 use vfd_gateway::domain::time::{MonoTime, WallTime};
 use vfd_gateway::drive::description::DriveRef;
 use vfd_gateway::drive::view::TripEvent;
-use vfd_gateway::gateway::Input;
+use vfd_gateway::gateway::LineInput;
 use vfd_gateway::north::broker::{
-    Broker, Event, LineState, Message, Publication, Qos, ToLine, Version,
+    BrokerEvent, BrokerLimits, BrokerMessage, MqttVersion, Publication, Qos, SessionLine, ToLine,
 };
-use vfd_gateway::north::clock::Moment;
-use vfd_gateway::north::mqtt::{Act, LeaseMode, Session, Settings, Tree};
+use vfd_gateway::north::clock::ClockMoment;
+use vfd_gateway::north::mqtt::{LeaseMode, MqttAct, MqttSession, Settings, TopicTree};
 
 /// The wall clock at the start of a world.
 const WALL_MS: i64 = 1_767_225_600_000;
@@ -39,7 +39,7 @@ pub(super) enum Coming {
 
 /// The session with its broker.
 pub struct MqttSide {
-    pub(super) session: Session,
+    pub(super) session: MqttSession,
     pub wake_at: MonoTime,
     pub(super) coming: Vec<(MonoTime, Coming)>,
     pub(super) is_connected: bool,
@@ -47,7 +47,7 @@ pub struct MqttSide {
     is_subscribed: bool,
     pub message_at: MonoTime,
     outage_at: MonoTime,
-    lines: Vec<LineState>,
+    lines: Vec<SessionLine>,
     last_id: u64,
     /// The last command with an id, and epochs as they were shown.
     last: Option<(String, String, MonoTime)>,
@@ -67,7 +67,7 @@ impl MqttSide {
             prefix: "vfd".into(),
             gateway: Name::new("plant").expect("a name"),
             standby: None,
-            version: Version::V5,
+            version: MqttVersion::V5,
             heartbeat: Duration::from_secs(60),
             lease: LeaseMode::Session,
             alive_topic: Some("home/status".into()),
@@ -77,11 +77,11 @@ impl MqttSide {
             command_ttl: Duration::from_secs(1),
             response_prefix: None,
             keep_telemetry: 0,
-            publish: Tree::ALL.to_vec(),
+            publish: TopicTree::ALL.to_vec(),
             home_assistant: None,
         };
         let name = Name::new("line").expect("a name");
-        let session = Session::new(
+        let session = MqttSession::new(
             settings,
             world.descriptions.clone(),
             vec![name],
@@ -123,7 +123,8 @@ impl MqttSide {
     }
 
     fn lose(&mut self, now: MonoTime, back_in: Duration) {
-        self.session.handle(moment(now, self.ahead), Event::Lost);
+        self.session
+            .handle(moment(now, self.ahead), BrokerEvent::Lost);
         self.is_connected = false;
         self.is_subscribed = false;
         self.coming.clear();
@@ -135,8 +136,8 @@ const fn wall_ms(now: MonoTime) -> i64 {
     WALL_MS + (now.as_nanos() / 1_000_000) as i64
 }
 
-pub(super) const fn moment(now: MonoTime, ahead: i64) -> Moment {
-    Moment {
+pub(super) const fn moment(now: MonoTime, ahead: i64) -> ClockMoment {
+    ClockMoment {
         mono: now,
         wall: WallTime {
             unix_ms: wall_ms(now) + ahead,
@@ -243,19 +244,21 @@ impl World {
         match coming {
             Coming::Connected => {
                 side.is_connected = true;
-                let broker = Broker {
+                let broker = BrokerLimits {
                     maximum_packet_bytes: None,
                     retains: true,
                 };
-                side.session.handle(at, Event::Connected(broker));
+                side.session.handle(at, BrokerEvent::Connected(broker));
             }
             Coming::Granted(filters) => {
                 side.is_subscribed = true;
                 self.checker.broker_opened(self.now.as_nanos());
                 side.session
-                    .handle(at, Event::Subscribed(vec![true; filters]));
+                    .handle(at, BrokerEvent::Subscribed(vec![true; filters]));
             }
-            Coming::Acknowledged(token) => side.session.handle(at, Event::Acknowledged(token)),
+            Coming::Acknowledged(token) => {
+                side.session.handle(at, BrokerEvent::Acknowledged(token))
+            }
             Coming::Message {
                 topic,
                 payload,
@@ -276,7 +279,7 @@ impl World {
                 };
                 self.checker.message(self.now.as_nanos(), inbound);
                 let payload = payload.as_bytes();
-                let message = Message {
+                let message = BrokerMessage {
                     topic: &topic,
                     payload,
                     retain,
@@ -285,7 +288,7 @@ impl World {
                     response_topic: None,
                     correlation: None,
                 };
-                side.session.handle(at, Event::Message(message));
+                side.session.handle(at, BrokerEvent::Message(message));
                 self.pass_inward(side);
             }
         }
@@ -373,7 +376,7 @@ impl World {
     fn pump(&mut self, side: &mut MqttSide) {
         self.look_at_views();
         side.lines.clear();
-        side.lines.push(LineState {
+        side.lines.push(SessionLine {
             name: Name::new("line").expect("a name"),
             report: self.core.report(),
             stations: Vec::new(),
@@ -387,12 +390,12 @@ impl World {
                 .next_act(moment(self.now, side.ahead), &self.views, &side.lines)
         {
             match act {
-                Act::Subscribe(filters) => side.put(
+                MqttAct::Subscribe(filters) => side.put(
                     self.now + Duration::from_millis(3),
                     Coming::Granted(filters.len()),
                 ),
-                Act::Publish(publication) => self.publish(side, publication),
-                Act::Reconnect(_) => return side.lose(self.now, Duration::from_secs(1)),
+                MqttAct::Publish(publication) => self.publish(side, publication),
+                MqttAct::Reconnect(_) => return side.lose(self.now, Duration::from_secs(1)),
                 inward => self.inward(inward),
             }
         }
@@ -444,22 +447,22 @@ impl World {
         }
     }
 
-    fn inward(&mut self, act: Act) {
+    fn inward(&mut self, act: MqttAct) {
         match act {
-            Act::ToLine(ToLine::Command(_, command)) => {
-                self.core.handle(self.now, Input::Command(command))
+            MqttAct::ToLine(ToLine::Command(_, command)) => {
+                self.core.handle(self.now, LineInput::Command(command))
             }
-            Act::ToLine(ToLine::Read(_, request)) => {
-                self.core.handle(self.now, Input::Native(request))
+            MqttAct::ToLine(ToLine::Read(_, request)) => {
+                self.core.handle(self.now, LineInput::Native(request))
             }
-            Act::ToLine(ToLine::PathAlive) => {
-                self.core.handle(self.now, Input::PathAlive(Owner::Mqtt))
-            }
-            Act::ToLine(ToLine::PathOpened) => {
-                self.core.handle(self.now, Input::PathOpened(Owner::Mqtt))
-            }
-            Act::Subscribe(_) | Act::Publish(_) | Act::Reconnect(_) => {}
-            Act::Keep(..) | Act::EventTaken(_) | Act::WantEvents { .. } => {}
+            MqttAct::ToLine(ToLine::PathAlive) => self
+                .core
+                .handle(self.now, LineInput::PathAlive(Owner::Mqtt)),
+            MqttAct::ToLine(ToLine::PathOpened) => self
+                .core
+                .handle(self.now, LineInput::PathOpened(Owner::Mqtt)),
+            MqttAct::Subscribe(_) | MqttAct::Publish(_) | MqttAct::Reconnect(_) => {}
+            MqttAct::Keep(..) | MqttAct::EventTaken(_) | MqttAct::WantEvents { .. } => {}
         }
     }
 

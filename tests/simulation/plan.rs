@@ -11,14 +11,14 @@ use vfd_gateway::domain::control::{ControlAction, ControlSettings, FailSafe};
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::{DriveIndex, Name, Station, UnitId};
 use vfd_gateway::domain::link::{EchoPolicy, Framing, LinkSettings, Parity};
-use vfd_gateway::drive::description::{DriveDescription, DriveRef, Points, Ratings};
+use vfd_gateway::drive::description::{DriveDescription, DriveRatings, DriveRef, PointSettings};
 use vfd_gateway::gateway::{DriveSetup, LineSetup};
-use vfd_gateway::journal::Remembered;
+use vfd_gateway::journal::RememberedDrive;
 use vfd_gateway::line::timeouts::ReplyTimeouts;
-use vfd_gateway::line::timing::Timing;
+use vfd_gateway::line::timing::LineTiming;
 use vfd_gateway::profile::catalog::Catalog;
 use vfd_gateway::profile::model::Model;
-use vfd_gateway::sim::{BusOptions, Delivery, DriveOptions, FaultPlan, SimBus, SimDrive};
+use vfd_gateway::sim::{BusDelivery, BusOptions, DriveOptions, FaultPlan, SimBus, SimDrive};
 use vfd_gateway::vendors;
 
 /// Addresses whose words carry the number of the exchange that asked for them; no drive here has any of them.
@@ -102,7 +102,7 @@ impl Plan {
         let turnaround = Duration::from_micros(rng.u64(500..8_000));
         let options = BusOptions {
             turnaround,
-            delivery: Delivery::Replies,
+            delivery: BusDelivery::Replies,
             ..BusOptions::default()
         };
         let mut bus = SimBus::new(self.link, options, rng.u64(..));
@@ -126,7 +126,7 @@ impl Plan {
     pub fn setup(&self, first_epoch: u64) -> LineSetup {
         let drives: Vec<DriveSetup> = self.line.drives.iter().map(setup_of).collect();
         let models = drives.iter().map(|drive| drive.model.as_ref());
-        let timing = Timing::for_models(Framing::Rtu, self.link, models, Duration::ZERO);
+        let timing = LineTiming::for_models(Framing::Rtu, self.link, models, Duration::ZERO);
         LineSetup {
             timing,
             drives,
@@ -212,7 +212,7 @@ fn setup_of(drive: &Drive) -> DriveSetup {
         timeouts: ReplyTimeouts::fixed(Duration::from_nanos(drive.timeout)),
         max_lateness: LATENESS,
         control: control_of(drive).map(Arc::new),
-        remembered: Remembered::default(),
+        remembered: RememberedDrive::default(),
     }
 }
 
@@ -228,10 +228,10 @@ fn description_of(place: u16, drive: &Drive) -> DriveDescription {
         unit: UnitId::new(drive.unit).expect("a unit"),
         uniform_unit: UnitId::new(drive.uniform).expect("a unit"),
         group: None,
-        pace: vfd_gateway::drive::plan::Pace::new(Duration::from_nanos(drive.poll), 1.0),
-        ratings: Ratings::default(),
+        pace: vfd_gateway::drive::plan::PollPace::new(Duration::from_nanos(drive.poll), 1.0),
+        ratings: DriveRatings::default(),
         control: control_of(drive).map(Arc::new),
-        points: Points::default(),
+        points: PointSettings::default(),
     }
 }
 

@@ -12,9 +12,10 @@ use vfd_gateway::domain::report::LineReport;
 use vfd_gateway::domain::standby::LineRole;
 use vfd_gateway::drive::description::DriveDescription;
 use vfd_gateway::drive::view::DriveView;
-use vfd_gateway::gateway::Input;
+use vfd_gateway::gateway::LineInput;
 use vfd_gateway::north::modbus::{
-    Answer, Ask, Call, Ended, Ordered, Present, Taken, Uniform, Words, native, own,
+    EndedCall, ModbusAnswer, ModbusRequest, RequestAction, RequestContext, RequestedOrder,
+    UniformUnit, UnitCall, WordBuffer, native, own,
 };
 
 /// A command is sent within this time or never.
@@ -23,11 +24,11 @@ const COMMAND_DEADLINE: Duration = Duration::from_secs(1);
 /// The contents of unit 255.
 struct Shown<'a> {
     report: LineReport,
-    uniform: &'a [Uniform],
+    uniform: &'a [UniformUnit],
     views: &'a [Arc<DriveView>],
 }
 
-impl own::Gateway for Shown<'_> {
+impl own::ServedGateway for Shown<'_> {
     fn lines(&self) -> usize {
         1
     }
@@ -40,7 +41,7 @@ impl own::Gateway for Shown<'_> {
         self.uniform.len()
     }
 
-    fn drive(&self, place: usize) -> Option<(&Uniform, Arc<DriveView>)> {
+    fn drive(&self, place: usize) -> Option<(&UniformUnit, Arc<DriveView>)> {
         Some((self.uniform.get(place)?, Arc::clone(self.views.get(place)?)))
     }
 
@@ -52,10 +53,10 @@ impl own::Gateway for Shown<'_> {
 /// Whether a client's request to `unit` is a stop.
 fn is_stop(
     drives: &[DriveDescription],
-    uniform: &[Uniform],
+    uniform: &[UniformUnit],
     views: &[Arc<DriveView>],
     unit: u8,
-    ask: &Ask,
+    ask: &ModbusRequest,
 ) -> bool {
     let place = drives.iter().position(|it| it.unit.get() == unit);
     let picture = drives.iter().position(|it| it.uniform_unit.get() == unit);
@@ -81,7 +82,7 @@ impl World {
         let drives = &self.descriptions;
         let uniform = &self.uniform;
         let views = &self.views;
-        let is_stop = |unit: u8, ask: &Ask| is_stop(drives, uniform, views, unit, ask);
+        let is_stop = |unit: u8, ask: &ModbusRequest| is_stop(drives, uniform, views, unit, ask);
         self.clients[who].machine.receive(self.now, bytes, &is_stop);
         while let Some(call) = self.clients[who].machine.next_call() {
             self.serve(who, call);
@@ -89,7 +90,7 @@ impl World {
         self.flush(who);
     }
 
-    fn serve(&mut self, who: usize, call: Call) {
+    fn serve(&mut self, who: usize, call: UnitCall) {
         let is_stop = || {
             is_stop(
                 &self.descriptions,
@@ -100,9 +101,11 @@ impl World {
             )
         };
         if self.has_waited && call.ask.writes() && !is_stop() {
-            return self.clients[who]
-                .machine
-                .answer(self.now, call.ticket, Answer::Exception(6));
+            return self.clients[who].machine.answer(
+                self.now,
+                call.ticket,
+                ModbusAnswer::Exception(6),
+            );
         }
         let native_place = self
             .descriptions
@@ -116,7 +119,7 @@ impl World {
             .descriptions
             .iter()
             .position(|it| it.uniform_unit.get() == call.unit);
-        let mut words = Words::default();
+        let mut words = WordBuffer::default();
         let present = self.present(who);
         let taken = match place {
             Some(place) => {
@@ -130,14 +133,14 @@ impl World {
                 };
                 own::take(call.unit, &call.ask, &shown, &present, &mut words)
             }
-            None => Taken::Exception(0x0A),
+            None => RequestAction::Exception(0x0A),
         };
         self.settle(who, &call, taken, &words, place);
     }
 
-    fn ask_drive(&mut self, who: usize, place: usize, call: Call) {
+    fn ask_drive(&mut self, who: usize, place: usize, call: UnitCall) {
         let client = &mut self.clients[who];
-        let Call {
+        let UnitCall {
             ticket,
             ask,
             deadline,
@@ -154,20 +157,20 @@ impl World {
                     ask,
                     deadline,
                 };
-                self.core.handle(self.now, Input::Native(request));
+                self.core.handle(self.now, LineInput::Native(request));
             }
             Err(code) => client
                 .machine
-                .answer(self.now, ticket, Answer::Exception(code)),
+                .answer(self.now, ticket, ModbusAnswer::Exception(code)),
         }
     }
 
     fn settle(
         &mut self,
         who: usize,
-        call: &Call,
-        taken: Taken,
-        words: &Words,
+        call: &UnitCall,
+        taken: RequestAction,
+        words: &WordBuffer,
         place: Option<usize>,
     ) {
         let machine = &mut self.clients[who].machine;
@@ -177,7 +180,7 @@ impl World {
             place,
         ) {
             (Ok(()), _) => {}
-            (Err(Ordered::One(order)), Some(place)) => {
+            (Err(RequestedOrder::One(order)), Some(place)) => {
                 self.expect(who, call, vec![call.ticket]);
                 self.give(who, call.ticket, place, order);
             }
@@ -186,7 +189,7 @@ impl World {
                     .filter(|place| self.uniform[*place].has_control())
                     .collect();
                 if controlled.is_empty() {
-                    return machine.answer(now, call.ticket, Answer::Exception(1));
+                    return machine.answer(now, call.ticket, ModbusAnswer::Exception(1));
                 }
                 let tickets: Vec<Ticket> =
                     controlled.iter().map(|_| machine.fresh_ticket()).collect();
@@ -211,10 +214,10 @@ impl World {
             epoch: None,
             trial: None,
         };
-        self.core.handle(self.now, Input::Command(command));
+        self.core.handle(self.now, LineInput::Command(command));
     }
 
-    fn expect(&mut self, who: usize, call: &Call, tickets: Vec<Ticket>) {
+    fn expect(&mut self, who: usize, call: &UnitCall, tickets: Vec<Ticket>) {
         self.clients[who].commands.expect(
             self.now,
             call.ticket,
@@ -225,8 +228,8 @@ impl World {
         );
     }
 
-    fn present(&self, who: usize) -> Present {
-        Present {
+    fn present(&self, who: usize) -> RequestContext {
+        RequestContext {
             now: self.now,
             uptime_s: 0,
             owner: self.clients[who].origin.owner,
@@ -252,13 +255,13 @@ impl World {
         let Some(who) = self.client_of(answer.asker) else {
             return;
         };
-        let Some(Ended {
+        let Some(EndedCall {
             call, exception, ..
         }) = self.clients[who].commands.take(answer)
         else {
             return;
         };
-        let answer = exception.map_or(Answer::Written, Answer::Exception);
+        let answer = exception.map_or(ModbusAnswer::Written, ModbusAnswer::Exception);
         self.clients[who].machine.answer(self.now, call, answer);
         self.flush(who);
     }
@@ -291,7 +294,7 @@ impl World {
         let now = self.now.as_nanos();
         self.checker.client_closed(now, who, by_gateway);
         self.core
-            .handle(self.now, Input::AskerGone(self.clients[who].asker));
+            .handle(self.now, LineInput::AskerGone(self.clients[who].asker));
         self.askers += 1;
         let stalled_until = self.clients[who].stalled_until;
         self.clients[who] = Client::new(who, self.askers, self.now);

@@ -8,8 +8,8 @@ use super::world::World;
 use fastrand::Rng;
 use std::time::Duration;
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::gateway::Input;
-use vfd_gateway::north::broker::Event;
+use vfd_gateway::gateway::LineInput;
+use vfd_gateway::north::broker::BrokerEvent;
 
 /// A process that is suspended for this long notices it.
 const NOTICED: Duration = Duration::from_secs(1);
@@ -186,7 +186,7 @@ impl World {
         self.checker.stood_still(from.as_nanos(), until.as_nanos());
         if !heard.is_empty() && self.is_port_up {
             self.checker.heard(until.as_nanos(), &heard);
-            self.core.handle(until, Input::Bytes(&heard));
+            self.core.handle(until, LineInput::Bytes(&heard));
         }
         let is_noticed = time >= NOTICED;
         if is_noticed {
@@ -220,7 +220,7 @@ impl World {
         };
         if side.is_connected {
             side.session
-                .handle(moment(now, side.ahead), Event::Stalled(stood));
+                .handle(moment(now, side.ahead), BrokerEvent::Stalled(stood));
         }
         side.wake_at = now;
     }

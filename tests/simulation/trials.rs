@@ -9,11 +9,11 @@ use super::told;
 use super::world::World;
 use fastrand::Rng;
 use std::time::Duration;
-use vfd_gateway::domain::command::{CommandRequest, Manner, Order, Origin, Owner, Rights};
+use vfd_gateway::domain::command::{CommandRequest, Order, OrderManner, Origin, Owner, Rights};
 use vfd_gateway::domain::ids::{AskerId, DriveIndex, Ticket};
 use vfd_gateway::domain::link::LinkSettings;
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::gateway::Input;
+use vfd_gateway::gateway::LineInput;
 use vfd_gateway::sim::FaultPlan;
 
 /// A line of `drives` of `kind` whose clients read without a pause.
@@ -173,7 +173,7 @@ fn stop_one(world: &mut World, trial: u64, drive: u16) {
         origin: Origin {
             owner: Owner::Mqtt,
             rights,
-            manner: Manner::Once,
+            manner: OrderManner::Once,
         },
         order: Order::Stop { setpoint: None },
         start_before: MonoTime::NEVER,
@@ -181,6 +181,6 @@ fn stop_one(world: &mut World, trial: u64, drive: u16) {
         epoch: None,
         trial: None,
     };
-    world.core.handle(world.now, Input::Command(command));
+    world.core.handle(world.now, LineInput::Command(command));
     world.decide();
 }

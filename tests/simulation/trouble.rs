@@ -3,7 +3,7 @@
 use super::world::World;
 use std::time::Duration;
 use vfd_gateway::domain::report::LineFault;
-use vfd_gateway::gateway::Input;
+use vfd_gateway::gateway::LineInput;
 use vfd_gateway::sim::FaultPlan;
 
 /// A kind of trouble.
@@ -91,7 +91,7 @@ impl World {
             Trouble::PortDown if self.is_port_up => {
                 self.is_port_up = false;
                 self.checker.port(now.as_nanos(), false);
-                self.core.handle(now, Input::PortDown(LineFault::Gone));
+                self.core.handle(now, LineInput::PortDown(LineFault::Gone));
                 self.repair_in(lasts, trouble, which);
             }
             Trouble::PortDown => {}

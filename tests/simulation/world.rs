@@ -23,8 +23,8 @@ use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::drive::description::DriveDescription;
 use vfd_gateway::drive::view::{DriveView, TripEventKind};
-use vfd_gateway::gateway::{Effect, Input, LineCore};
-use vfd_gateway::north::modbus::Uniform;
+use vfd_gateway::gateway::{LineCore, LineEffect, LineInput};
+use vfd_gateway::north::modbus::UniformUnit;
 use vfd_gateway::sim::{FaultPlan, SimBus};
 
 /// Time for the shutdown of a gateway, and for its clients after it.
@@ -42,7 +42,7 @@ pub struct World {
     pub now: MonoTime,
     pub clients: Vec<Client>,
     pub descriptions: Vec<DriveDescription>,
-    pub uniform: Vec<Uniform>,
+    pub uniform: Vec<UniformUnit>,
     pub views: Vec<Arc<DriveView>>,
     pub mqtt: Option<MqttSide>,
     pub askers: u64,
@@ -95,7 +95,7 @@ impl World {
             .keeps
             .then(|| Journal::new(plan.line.drives.len(), rng.u64(..)));
         let mut world = Self {
-            uniform: descriptions.iter().map(Uniform::new).collect(),
+            uniform: descriptions.iter().map(UniformUnit::new).collect(),
             views: descriptions
                 .iter()
                 .map(|_| Arc::new(DriveView::default()))
@@ -178,7 +178,7 @@ impl World {
         }
         self.bus.set_faults(FaultPlan::NONE);
         self.checker.ending(self.now.as_nanos());
-        self.core.handle(self.now, Input::Shutdown);
+        self.core.handle(self.now, LineInput::Shutdown);
         self.decide();
         let until = self.now + ENDING;
         while self.step(until) {}
@@ -232,7 +232,7 @@ impl World {
             self.bus.take_due(self.now, |at, bytes| {
                 if is_up {
                     checker.heard(at.as_nanos(), bytes);
-                    core.handle(at, Input::Bytes(bytes));
+                    core.handle(at, LineInput::Bytes(bytes));
                 }
             });
         }
@@ -297,7 +297,7 @@ impl World {
     /// same moment.
     pub fn decide(&mut self) {
         loop {
-            self.core.handle(self.now, Input::Time);
+            self.core.handle(self.now, LineInput::Time);
             while let Some(effect) = self.core.next_effect() {
                 if self.is_killed() {
                     return self.kill();
@@ -320,16 +320,16 @@ impl World {
         }
     }
 
-    fn carry_out(&mut self, effect: Effect) {
+    fn carry_out(&mut self, effect: LineEffect) {
         match effect {
-            Effect::Transmit(frame) => {
+            LineEffect::Transmit(frame) => {
                 self.bus.receive(self.now, &frame);
                 self.core.transmitted(self.now);
                 self.checker
                     .request(self.now.as_nanos(), &frame, self.bus.newest_reply());
                 self.look_after(&frame);
             }
-            Effect::Answer(answer) => {
+            LineEffect::Answer(answer) => {
                 self.hear_native(&answer);
                 self.mqtt_reads(&answer);
                 if self.plan.only_reads && matches!(answer.outcome, NativeOutcome::Words(_)) {
@@ -349,11 +349,11 @@ impl World {
                     self.client_at = self.client_at.min(again_at);
                 }
             }
-            Effect::Command(answer) => {
+            LineEffect::Command(answer) => {
                 self.hear_command(&answer);
                 self.mqtt_hears(&answer);
             }
-            Effect::Trip(drive, event) => {
+            LineEffect::Trip(drive, event) => {
                 if let TripEventKind::Tripped { trips, .. } = event.kind {
                     self.look_at_motor(drive.get(), self.now);
                     self.checker.trips_told(drive.get(), trips);
@@ -361,9 +361,12 @@ impl World {
                 self.mqtt_trip(drive, &event);
             }
             // As a line's thread does: after all effects of this round.
-            Effect::Reopen(fault) => self.to_reopen = Some(fault),
-            Effect::Keep(keep) => self.keep(keep),
-            Effect::Note(..) | Effect::LineNote(_) | Effect::Presence(..) | Effect::Traffic(_) => {}
+            LineEffect::Reopen(fault) => self.to_reopen = Some(fault),
+            LineEffect::Keep(keep) => self.keep(keep),
+            LineEffect::Note(..)
+            | LineEffect::LineNote(_)
+            | LineEffect::Presence(..)
+            | LineEffect::Traffic(_) => {}
         }
     }
 
@@ -382,7 +385,7 @@ impl World {
     fn reopen_port(&mut self, fault: LineFault) {
         self.is_port_up = false;
         self.checker.port(self.now.as_nanos(), false);
-        self.core.handle(self.now, Input::PortDown(fault));
+        self.core.handle(self.now, LineInput::PortDown(fault));
         self.repair_in(Duration::from_millis(100), Trouble::PortDown, 0);
     }
 
@@ -390,7 +393,8 @@ impl World {
     pub fn open_port(&mut self) {
         self.is_port_up = true;
         self.checker.port(self.now.as_nanos(), true);
-        self.core.handle(self.now, Input::PortUp(PortKind::Serial));
+        self.core
+            .handle(self.now, LineInput::PortUp(PortKind::Serial));
     }
 
     /// Takes the views that have changed.

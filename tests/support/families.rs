@@ -4,12 +4,12 @@ use super::{MQTT, ORIGIN, Rig, RigOptions, STOP, catalog, control, model};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
-use vfd_gateway::domain::command::{Go, Order, Origin, Outcome, Owner, Reason, RegisterWrite};
+use vfd_gateway::domain::command::{GoOrder, Order, Origin, Outcome, Owner, Reason, RegisterWrite};
 use vfd_gateway::domain::control::{ControlAction, ControlSettings};
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::link::Framing;
-use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, Refusal};
-use vfd_gateway::profile::model::{Model, Role};
+use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, NativeRefusal};
+use vfd_gateway::profile::model::{Model, RegisterRole};
 use vfd_gateway::sim::BusOptions;
 use vfd_gateway::vendors;
 
@@ -185,7 +185,7 @@ pub fn stopped(id: &str, control: ControlSettings) -> Rig {
 }
 
 /// The address of the register with `role`.
-pub fn address_of(model: &Model, role: Role) -> u16 {
+pub fn address_of(model: &Model, role: RegisterRole) -> u16 {
     model
         .register_for(role)
         .expect("the model has it")
@@ -195,7 +195,9 @@ pub fn address_of(model: &Model, role: Role) -> u16 {
 
 /// An order that sets one register.
 pub fn register(address: u16, value: u16) -> Order {
-    Order::Go(Go::new(vec![RegisterWrite::new(address, value)], None, None).expect("not empty"))
+    Order::Go(
+        GoOrder::new(vec![RegisterWrite::new(address, value)], None, None).expect("not empty"),
+    )
 }
 
 /// Writes registers as a client of native units does, and waits for the answer.
@@ -213,7 +215,7 @@ pub fn write(rig: &mut Rig, address: u16, values: &[u16]) -> NativeOutcome {
 
 /// A refusal by the guard.
 pub fn refused(reason: Reason) -> NativeOutcome {
-    NativeOutcome::Refused(Refusal::Guard(reason))
+    NativeOutcome::Refused(NativeRefusal::Guard(reason))
 }
 
 /// The PDU of function 06.

@@ -5,10 +5,10 @@ use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::link::{Framing, LinkSettings, PortKind};
-use vfd_gateway::gateway::{DriveSetup, Input, LineCore, LineSetup};
-use vfd_gateway::journal::Remembered;
+use vfd_gateway::gateway::{DriveSetup, LineCore, LineInput, LineSetup};
+use vfd_gateway::journal::RememberedDrive;
 use vfd_gateway::line::timeouts::ReplyTimeouts;
-use vfd_gateway::line::timing::Timing;
+use vfd_gateway::line::timing::LineTiming;
 use vfd_gateway::profile::model::Model;
 use vfd_gateway::sim::{BusOptions, DriveOptions, SimBus, SimDrive};
 
@@ -30,10 +30,10 @@ impl Rig {
                 timeouts: ReplyTimeouts::auto(&model.timing),
                 max_lateness: model.timing.max_lateness.value,
                 control: None,
-                remembered: Remembered::default(),
+                remembered: RememberedDrive::default(),
             });
         }
-        let timing = Timing::for_models(
+        let timing = LineTiming::for_models(
             Framing::Rtu,
             link,
             models.iter().map(AsRef::as_ref),
@@ -46,7 +46,8 @@ impl Rig {
         };
         rig.bus = bus;
         rig.core = LineCore::new(rig.setup.clone(), rig.now);
-        rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
+        rig.core
+            .handle(rig.now, LineInput::PortUp(PortKind::Serial));
         rig.settle();
         rig
     }

@@ -13,8 +13,8 @@ use std::path::Path;
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 use vfd_gateway::domain::command::{
-    CommandAnswer, CommandRequest, Direction, Go, Manner, Order, Origin, Outcome, Owner, Reason,
-    Rights,
+    CommandAnswer, CommandRequest, Direction, GoOrder, Order, OrderManner, Origin, Outcome, Owner,
+    Reason, Rights,
 };
 use vfd_gateway::domain::control::{ControlSettings, FailSafe};
 use vfd_gateway::domain::frequency::Hertz;
@@ -25,13 +25,17 @@ use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::domain::traffic::TrafficRecord;
 use vfd_gateway::drive::view::{DriveView, TripEvent};
-use vfd_gateway::gateway::{DriveSetup, Effect, Input, LineCore, LineNote, LineSetup, Note};
-use vfd_gateway::journal::{Entry, Keep, Remembered};
+use vfd_gateway::gateway::{
+    DriveNote, DriveSetup, LineCore, LineEffect, LineInput, LineNote, LineSetup,
+};
+use vfd_gateway::journal::{EntryToKeep, JournalEntry, RememberedDrive};
 use vfd_gateway::line::timeouts::ReplyTimeouts;
-use vfd_gateway::line::timing::Timing;
+use vfd_gateway::line::timing::LineTiming;
 use vfd_gateway::profile::catalog::Catalog;
 use vfd_gateway::profile::model::{Confidence, Fact, Model};
-use vfd_gateway::sim::{BadRequest, BusOptions, DriveOptions, FaultPlan, Pacing, SimBus, SimDrive};
+use vfd_gateway::sim::{
+    BadRequest, BusOptions, BusPacing, DriveOptions, FaultPlan, SimBus, SimDrive,
+};
 use vfd_gateway::vendors;
 use vfd_gateway::wire::framing;
 
@@ -45,7 +49,7 @@ pub const ORIGIN: Origin = Origin {
         write: true,
         stop: true,
     },
-    manner: Manner::Cyclic,
+    manner: OrderManner::Cyclic,
 };
 
 /// A client that publishes to the command topics.
@@ -55,7 +59,7 @@ pub const MQTT: Origin = Origin {
         write: true,
         stop: true,
     },
-    manner: Manner::Once,
+    manner: OrderManner::Once,
 };
 
 /// Another client that writes registers, at 10.0.0.`last`.
@@ -78,7 +82,8 @@ pub fn setpoint(centihertz: u16) -> Order {
 
 fn go(setpoint: Option<u16>, direction: Option<Direction>) -> Order {
     Order::Go(
-        Go::new(Vec::new(), setpoint.map(Hertz::from_centihertz), direction).expect("not empty"),
+        GoOrder::new(Vec::new(), setpoint.map(Hertz::from_centihertz), direction)
+            .expect("not empty"),
     )
 }
 
@@ -233,7 +238,7 @@ impl RigOptions {
             },
             max_lateness: model.timing.max_lateness.value,
             control: self.control.clone().map(Arc::new),
-            remembered: Remembered::default(),
+            remembered: RememberedDrive::default(),
         }
     }
 
@@ -241,7 +246,7 @@ impl RigOptions {
     pub fn modbus_tcp(self) -> Self {
         let bus = BusOptions {
             framing: Framing::Mbap,
-            pacing: Pacing::None,
+            pacing: BusPacing::None,
             ..self.bus
         };
         Self { bus, ..self }
@@ -251,8 +256,8 @@ impl RigOptions {
 /// A bus without character times is not a serial port.
 fn port_kind(options: &RigOptions) -> PortKind {
     match options.bus.pacing {
-        Pacing::CharacterTimes => PortKind::Serial,
-        Pacing::None => PortKind::Virtual,
+        BusPacing::CharacterTimes => PortKind::Serial,
+        BusPacing::None => PortKind::Virtual,
     }
 }
 
@@ -304,13 +309,13 @@ pub struct Rig {
     /// Trips and their clearings.
     pub trips: Vec<(MonoTime, TripEvent)>,
     /// Notes about drives.
-    pub notes: Vec<(MonoTime, Note)>,
+    pub notes: Vec<(MonoTime, DriveNote)>,
     /// Notes about the line.
     pub line_notes: Vec<(MonoTime, LineNote)>,
     /// When the core wanted the port reopened, and why.
     pub reopens: Vec<(MonoTime, LineFault)>,
     /// What the line wants kept.
-    pub kept: Vec<Keep>,
+    pub kept: Vec<EntryToKeep>,
     pub sent: Vec<Sent>,
     /// The proof numbers of the exchanges that gave the newest answers, by ticket.
     proofs: Vec<(Ticket, u16)>,
@@ -353,7 +358,7 @@ impl Rig {
             bus.connect(Station(station), SimDrive::new(Arc::clone(really), drive));
             drives.push(options.drive(station, model));
         }
-        let timing = Timing::for_models(
+        let timing = LineTiming::for_models(
             options.bus.framing,
             options.link,
             [model.as_ref()],
@@ -372,7 +377,7 @@ impl Rig {
             keeps: options.keeps,
         };
         let mut core = LineCore::new(setup.clone(), now);
-        core.handle(now, Input::PortUp(port_kind(options)));
+        core.handle(now, LineInput::PortUp(port_kind(options)));
         let mut rig = Self {
             core,
             setup,
@@ -435,7 +440,7 @@ impl Rig {
             ask,
             deadline,
         };
-        self.core.handle(self.now, Input::Native(request));
+        self.core.handle(self.now, LineInput::Native(request));
         self.settle();
         ticket
     }
@@ -484,7 +489,7 @@ impl Rig {
             trial: None,
         };
         change(&mut command);
-        self.core.handle(self.now, Input::Command(command));
+        self.core.handle(self.now, LineInput::Command(command));
         ticket
     }
 
@@ -524,7 +529,8 @@ impl Rig {
     pub fn live(&mut self, time: Duration) {
         let end = self.now + time;
         while self.now < end {
-            self.core.handle(self.now, Input::PathAlive(Owner::Mqtt));
+            self.core
+                .handle(self.now, LineInput::PathAlive(Owner::Mqtt));
             self.run_until(end.min(self.now + Duration::from_secs(1)), |_, _| {});
         }
     }
@@ -537,7 +543,7 @@ impl Rig {
 
     /// Loses the port.
     pub fn close(&mut self, fault: LineFault) {
-        self.core.handle(self.now, Input::PortDown(fault));
+        self.core.handle(self.now, LineInput::PortDown(fault));
         if !self.framing.has_characters() {
             self.bus.hang_up(self.now);
         }
@@ -546,12 +552,13 @@ impl Rig {
 
     /// Opens the port again.
     pub fn open(&mut self) {
-        self.core.handle(self.now, Input::PortUp(self.port_kind));
+        self.core
+            .handle(self.now, LineInput::PortUp(self.port_kind));
         self.settle();
     }
 
     /// Kills the gateway and starts it again at once. It knows only `remembered` of each drive.
-    pub fn restart(&mut self, remembered: Remembered) {
+    pub fn restart(&mut self, remembered: RememberedDrive) {
         self.setup.first_epoch += 1_000;
         self.setup.asked_before = true;
         self.setup
@@ -562,7 +569,8 @@ impl Rig {
         if !self.framing.has_characters() {
             self.bus.hang_up(self.now);
         }
-        self.core.handle(self.now, Input::PortUp(self.port_kind));
+        self.core
+            .handle(self.now, LineInput::PortUp(self.port_kind));
         self.kept.clear();
         self.notes.clear();
         self.trips.clear();
@@ -571,11 +579,11 @@ impl Rig {
     }
 
     /// What the line wants kept, except changes of availability.
-    pub fn entries(&self) -> Vec<&Entry> {
+    pub fn entries(&self) -> Vec<&JournalEntry> {
         self.kept
             .iter()
             .map(|keep| &keep.entry)
-            .filter(|it| !matches!(it, Entry::Presence(_)))
+            .filter(|it| !matches!(it, JournalEntry::Presence(_)))
             .collect()
     }
 
@@ -583,7 +591,7 @@ impl Rig {
     pub fn all_is_kept(&mut self) {
         if let Some(newest) = self.kept.last() {
             let row = newest.row;
-            self.core.handle(self.now, Input::Kept(row));
+            self.core.handle(self.now, LineInput::Kept(row));
             self.settle();
         }
     }
@@ -713,19 +721,20 @@ impl Rig {
         }
         self.now = self.now.max(next);
         let core = &mut self.core;
-        self.bus
-            .take_due(self.now, |at, bytes| core.handle(at, Input::Bytes(bytes)));
+        self.bus.take_due(self.now, |at, bytes| {
+            core.handle(at, LineInput::Bytes(bytes))
+        });
         self.settle();
         true
     }
 
     /// Lets the core decide and executes its effects.
     pub fn settle(&mut self) {
-        self.core.handle(self.now, Input::Time);
+        self.core.handle(self.now, LineInput::Time);
         while let Some(effect) = self.core.next_effect() {
             match effect {
-                Effect::Transmit(frame) => self.transmit(frame),
-                Effect::Answer(answer) => {
+                LineEffect::Transmit(frame) => self.transmit(frame),
+                LineEffect::Answer(answer) => {
                     let asker = self.open.remove(&answer.ticket.0);
                     assert_eq!(
                         asker,
@@ -738,14 +747,14 @@ impl Rig {
                     }
                     self.answers.push((self.now, answer));
                 }
-                Effect::Traffic(record) => self.traffic.push(record),
-                Effect::Command(answer) => self.reports.push((self.now, answer)),
-                Effect::Trip(_, event) => self.trips.push((self.now, event)),
-                Effect::Note(_, note) => self.notes.push((self.now, note)),
-                Effect::LineNote(note) => self.line_notes.push((self.now, note)),
-                Effect::Reopen(fault) => self.reopens.push((self.now, fault)),
-                Effect::Keep(keep) => self.kept.push(keep),
-                Effect::Presence(..) => {}
+                LineEffect::Traffic(record) => self.traffic.push(record),
+                LineEffect::Command(answer) => self.reports.push((self.now, answer)),
+                LineEffect::Trip(_, event) => self.trips.push((self.now, event)),
+                LineEffect::Note(_, note) => self.notes.push((self.now, note)),
+                LineEffect::LineNote(note) => self.line_notes.push((self.now, note)),
+                LineEffect::Reopen(fault) => self.reopens.push((self.now, fault)),
+                LineEffect::Keep(keep) => self.kept.push(keep),
+                LineEffect::Presence(..) => {}
             }
         }
     }
@@ -786,7 +795,7 @@ impl Rig {
         }
         self.core.transmitted(self.now);
         if self.echoes {
-            self.core.handle(self.now, Input::Bytes(&frame));
+            self.core.handle(self.now, LineInput::Bytes(&frame));
         }
         self.sent.push(Sent {
             at: self.now,

@@ -14,10 +14,10 @@ use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::domain::standby::LineRole;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::drive::view::{DriveView, TripEvent};
-use vfd_gateway::gateway::{Effect, Input, LineCore, LineNote, LineSetup, Note};
-use vfd_gateway::journal::{Keep, Remembered, RememberedLease};
+use vfd_gateway::gateway::{DriveNote, LineCore, LineEffect, LineInput, LineNote, LineSetup};
+use vfd_gateway::journal::{EntryToKeep, RememberedDrive, RememberedLease};
 use vfd_gateway::line::standby::StandbyTimes;
-use vfd_gateway::line::timing::Timing;
+use vfd_gateway::line::timing::LineTiming;
 use vfd_gateway::sim::{BusOptions, DriveOptions, FaultPlan, SimBus, SimDrive};
 use vfd_gateway::wire::framing;
 use vfd_gateway::wire::signal::{STATION, Signal};
@@ -56,15 +56,15 @@ pub struct Half {
     /// Thousandths of its own bytes that all others hear wrongly.
     pub misspeaks_per_mille: u64,
     /// What its journal remembers of each drive; `None`: it has no journal.
-    pub memory: Option<Vec<Remembered>>,
+    pub memory: Option<Vec<RememberedDrive>>,
     /// How much faster its clock runs, in millionths.
     pub drift_ppm: i64,
     pub reports: Vec<(MonoTime, CommandAnswer)>,
     pub answers: Vec<NativeAnswer>,
-    pub notes: Vec<(MonoTime, Note)>,
+    pub notes: Vec<(MonoTime, DriveNote)>,
     pub line_notes: Vec<(MonoTime, LineNote)>,
     pub trips: Vec<TripEvent>,
-    pub kept: Vec<Keep>,
+    pub kept: Vec<EntryToKeep>,
 }
 
 /// A frame of a gateway, as an observer on the line sees it.
@@ -82,12 +82,12 @@ pub struct Sent {
 
 impl Half {
     /// Takes a row for its journal, which is durable at once.
-    fn keep(&mut self, now: MonoTime, keep: Keep) {
+    fn keep(&mut self, now: MonoTime, keep: EntryToKeep) {
         if let Some(memory) = &mut self.memory {
             memory[keep.drive.get()].take(&keep.entry);
             self.core
                 .iter_mut()
-                .for_each(|core| core.handle(now, Input::Kept(keep.row)));
+                .for_each(|core| core.handle(now, LineInput::Kept(keep.row)));
         }
         self.kept.push(keep);
     }
@@ -125,7 +125,7 @@ pub struct Pair {
     pub drives_are_cut: bool,
     /// What babbles on the line.
     pub jam: Option<Jam>,
-    timing: Timing,
+    timing: LineTiming,
     random: u64,
     last_ticket: u64,
     asked: HashSet<u64>,
@@ -151,7 +151,7 @@ impl Pair {
             );
             drives.push(options.drive(station, model));
         }
-        let timing = Timing::for_models(
+        let timing = LineTiming::for_models(
             options.bus.framing,
             options.link,
             [model.as_ref()],
@@ -249,7 +249,7 @@ impl Pair {
             drive.remembered = it
                 .memory
                 .as_ref()
-                .map_or_else(Remembered::default, |memory| memory[place]);
+                .map_or_else(RememberedDrive::default, |memory| memory[place]);
         }
         // An owner gets its time once.
         for remembered in it.memory.iter_mut().flatten() {
@@ -277,7 +277,7 @@ impl Pair {
         it.waiting.clear();
         let Some(core) = &mut it.core else { return };
         it.is_open = true;
-        core.handle(now, Input::PortUp(PortKind::Serial));
+        core.handle(now, LineInput::PortUp(PortKind::Serial));
         self.settle(half);
     }
 
@@ -289,7 +289,7 @@ impl Pair {
         it.waiting.clear();
         it.held = None;
         if let Some(core) = &mut it.core {
-            core.handle(now, Input::PortDown(LineFault::Gone));
+            core.handle(now, LineInput::PortDown(LineFault::Gone));
             self.settle(half);
         }
     }
@@ -310,7 +310,7 @@ impl Pair {
             .as_mut()
             .filter(|_| !waiting.is_empty())
         {
-            core.handle(now, Input::Bytes(&waiting));
+            core.handle(now, LineInput::Bytes(&waiting));
         }
         self.settle(half);
     }
@@ -354,7 +354,7 @@ impl Pair {
             trial: None,
         };
         if let Some(core) = &mut self.halves[half].core {
-            core.handle(now, Input::Command(command));
+            core.handle(now, LineInput::Command(command));
         }
         if !self.halves[half].is_suspended {
             self.settle(half);
@@ -381,7 +381,7 @@ impl Pair {
             ask,
             deadline,
         };
-        self.core(half).handle(now, Input::Native(request));
+        self.core(half).handle(now, LineInput::Native(request));
         self.settle(half);
         ticket
     }
@@ -404,7 +404,7 @@ impl Pair {
             ask,
             deadline,
         };
-        self.core(half).handle(now, Input::Native(request));
+        self.core(half).handle(now, LineInput::Native(request));
         self.settle(half);
         ticket
     }
@@ -422,7 +422,7 @@ impl Pair {
     }
 
     /// Passes `input` to `half`.
-    pub fn tell(&mut self, half: usize, input: Input<'_>) {
+    pub fn tell(&mut self, half: usize, input: LineInput<'_>) {
         let now = self.clock(half);
         self.core(half).handle(now, input);
         self.settle(half);
@@ -581,7 +581,7 @@ impl Pair {
             let room = KEPT_BYTES.saturating_sub(it.waiting.len()).min(bytes.len());
             it.waiting.extend_from_slice(&bytes[..room]);
         } else if let Some(core) = &mut it.core {
-            core.handle(now, Input::Bytes(bytes));
+            core.handle(now, LineInput::Bytes(bytes));
         }
     }
 
@@ -592,7 +592,7 @@ impl Pair {
             return;
         }
         if let Some(core) = &mut self.halves[half].core {
-            core.handle(now, Input::Time);
+            core.handle(now, LineInput::Time);
         }
         while let Some(effect) = self.halves[half]
             .core
@@ -601,7 +601,7 @@ impl Pair {
         {
             let it = &mut self.halves[half];
             match effect {
-                Effect::Transmit(frame) => {
+                LineEffect::Transmit(frame) => {
                     if !it.is_open || !it.core.as_mut().is_some_and(|core| core.may_transmit(now)) {
                         continue;
                     }
@@ -613,13 +613,13 @@ impl Pair {
                     self.puts_out(half, frame);
                     self.after_writing(half);
                 }
-                Effect::Command(answer) => it.reports.push((self.now, answer)),
-                Effect::Answer(answer) => it.answers.push(answer),
-                Effect::Note(_, note) => it.notes.push((self.now, note)),
-                Effect::LineNote(note) => it.line_notes.push((self.now, note)),
-                Effect::Trip(_, event) => it.trips.push(event),
-                Effect::Keep(keep) => it.keep(now, keep),
-                Effect::Reopen(_) | Effect::Traffic(_) | Effect::Presence(..) => {}
+                LineEffect::Command(answer) => it.reports.push((self.now, answer)),
+                LineEffect::Answer(answer) => it.answers.push(answer),
+                LineEffect::Note(_, note) => it.notes.push((self.now, note)),
+                LineEffect::LineNote(note) => it.line_notes.push((self.now, note)),
+                LineEffect::Trip(_, event) => it.trips.push(event),
+                LineEffect::Keep(keep) => it.keep(now, keep),
+                LineEffect::Reopen(_) | LineEffect::Traffic(_) | LineEffect::Presence(..) => {}
             }
         }
     }

@@ -168,9 +168,11 @@ pub fn open_rows(text: &str) -> Vec<(&str, String)> {
 /// Table, address and words, as in `holding 2000 0012`.
 pub fn place(text: &str) -> (Address, Vec<u16>) {
     let mut parts = text.split_whitespace();
-    let table = parts
-        .next()
-        .and_then(|word| address::Table::ALL.into_iter().find(|it| it.word() == word));
+    let table = parts.next().and_then(|word| {
+        address::DataTable::ALL
+            .into_iter()
+            .find(|it| it.keyword() == word)
+    });
     let table = table.unwrap_or_else(|| panic!("no table in `{text}`"));
     let numbers: Vec<_> = parts
         .map(|it| u16::from_str_radix(it, 16).expect("hexadecimal"))

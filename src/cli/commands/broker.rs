@@ -1,6 +1,6 @@
 //! `broker`: a small MQTT broker for the demo and for experiments.
 
-use crate::cli::tools::{Failure, print};
+use crate::cli::tools::{CommandFailure, print};
 use crate::daemon::mqtt::broker;
 use crate::daemon::mqtt::broker_child::ANNOUNCEMENT;
 use crate::daemon::service::signals::told_to_end;
@@ -18,18 +18,20 @@ pub struct Args {
 
 /// Runs the broker until SIGINT, SIGTERM or the end of standard input: a broker that another program started with a
 /// pipe exits with it. To run it by itself without a terminal, give it an input that does not end.
-pub fn broker(args: &Args) -> Result<(), Failure> {
+pub fn broker(args: &Args) -> Result<(), CommandFailure> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
-        .map_err(Failure::failed)?;
+        .map_err(CommandFailure::failed)?;
     let done = runtime.block_on(async {
-        let told = told_to_end().map_err(Failure::failed)?;
-        let listening = broker::listen(args.listen).await.map_err(Failure::failed)?;
-        let closed = input_closed().map_err(Failure::failed)?;
+        let told = told_to_end().map_err(CommandFailure::failed)?;
+        let listening = broker::listen(args.listen)
+            .await
+            .map_err(CommandFailure::failed)?;
+        let closed = input_closed().map_err(CommandFailure::failed)?;
         print(&format!("{ANNOUNCEMENT}{}\n", listening.address()))?;
         tokio::select! {
-            () = listening.serve() => Err(Failure::failed("the broker exited unexpectedly")),
+            () = listening.serve() => Err(CommandFailure::failed("the broker exited unexpectedly")),
             () = told => Ok(()),
             _ = closed => Ok(()),
         }

@@ -1,7 +1,7 @@
 //! `certificate`: a local authority, and the certificate that it issues for the page.
 
 use crate::cli::tools::page_certificate::{CERTIFICATE_DAYS_MAX, PAGE, last, own_names, renewed};
-use crate::cli::tools::{Failure, print};
+use crate::cli::tools::{CommandFailure, print};
 use crate::daemon::host::clock;
 use crate::domain::calendar;
 use std::path::PathBuf;
@@ -29,7 +29,7 @@ pub struct Args {
 }
 
 /// Makes or renews the certificate in `args.dir`, with an authority if there is none yet.
-pub fn certificate(args: &Args) -> Result<(), Failure> {
+pub fn certificate(args: &Args) -> Result<(), CommandFailure> {
     let now = clock::wall();
     let last = last(&args.dir.join(PAGE))?;
     if let (Some(within), Some(last)) = (args.renew_within, &last) {

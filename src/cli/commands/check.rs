@@ -6,9 +6,9 @@ mod summary;
 mod text;
 mod warnings;
 
-use crate::cli::tools::input::Findings;
+use crate::cli::tools::input::FileFindings;
 use crate::cli::tools::log::complain;
-use crate::cli::tools::{Failure, input, print};
+use crate::cli::tools::{CommandFailure, input, print};
 use crate::config::words::LEASES;
 use crate::config::{
     Config, DriveSettings, HttpSettings, LineSettings, ListenerSettings, MqttSettings, PortAddress,
@@ -18,7 +18,7 @@ use crate::domain::command::Rights;
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
 use crate::domain::problem::Problem;
 use crate::domain::report::StopBounds;
-use crate::line::budget::{ASSUMED_TURNAROUND, Refresh};
+use crate::line::budget::{ASSUMED_TURNAROUND, RefreshCost};
 use crate::toml_file::words::{FRAMINGS, INTERFACES, word_for};
 use ipnet::IpNet;
 use serde_json::{Value, json};
@@ -42,9 +42,9 @@ pub struct Args {
 }
 
 /// Checks the configuration and prints its meaning, after warnings about what has no effect.
-pub fn check(args: &Args) -> Result<(), Failure> {
+pub fn check(args: &Args) -> Result<(), CommandFailure> {
     let (loaded, text) = input::looked_through(&args.config)?;
-    let of_this = |problems| Findings {
+    let of_this = |problems| FileFindings {
         path: args.config.clone(),
         text,
         problems,
@@ -54,13 +54,13 @@ pub fn check(args: &Args) -> Result<(), Failure> {
             let warnings = config.warnings.clone();
             (Ok(config), vec![of_this(warnings)])
         }
-        Err(found) => (Err(Failure::wrong(input::drawn(&found))), found),
+        Err(found) => (Err(CommandFailure::wrong(input::drawn(&found))), found),
     };
     if args.json {
         print(&format!("{}\n", findings_json(&found, config.is_ok())))?;
         return config
             .map(drop)
-            .map_err(|_| Failure::wrong("the configuration cannot be used"));
+            .map_err(|_| CommandFailure::wrong("the configuration cannot be used"));
     }
     let config = config?;
     if !config.warnings.is_empty() {
@@ -77,8 +77,8 @@ pub fn check(args: &Args) -> Result<(), Failure> {
 }
 
 /// The findings, for programs.
-fn findings_json(found: &[Findings], is_usable: bool) -> Value {
-    let problem = |of: &Findings, problem: &Problem| {
+fn findings_json(found: &[FileFindings], is_usable: bool) -> Value {
+    let problem = |of: &FileFindings, problem: &Problem| {
         let (line, column) = problem.place_in(&of.text);
         json!({
             "severity": if problem.is_warning { "warning" } else { "error" },
@@ -337,7 +337,7 @@ fn serial_line(
 
 /// How long it takes to read everything once, beside the shortest way that the models allow.
 fn refresh(text: &mut String, line: &LineSettings) -> std::fmt::Result {
-    let Refresh {
+    let RefreshCost {
         reads,
         time,
         shortest_reads,

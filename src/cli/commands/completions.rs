@@ -1,6 +1,6 @@
 //! `completions`: the script with which a shell completes the words of this program.
 
-use crate::cli::tools::{Failure, print};
+use crate::cli::tools::{CommandFailure, print};
 
 /// Arguments of `completions`.
 #[derive(Debug, clap::Args)]
@@ -11,7 +11,7 @@ pub struct Args {
 }
 
 /// Prints the script that lets the shell complete `command`.
-pub fn completions(args: &Args, mut command: clap::Command) -> Result<(), Failure> {
+pub fn completions(args: &Args, mut command: clap::Command) -> Result<(), CommandFailure> {
     let name = command.get_name().to_owned();
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut command, name.as_str(), &mut script);
@@ -20,7 +20,7 @@ pub fn completions(args: &Args, mut command: clap::Command) -> Result<(), Failur
     let [wrong, right] = ["__subcmd__", "__"].map(|mark| name.replace('-', mark));
     print(
         &String::from_utf8(script)
-            .map_err(Failure::failed)?
+            .map_err(CommandFailure::failed)?
             .replace(&wrong, &right),
     )
 }

@@ -1,7 +1,7 @@
 //! `diagnose`: writes one archive with everything that helps others to find out what is wrong.
 
-use crate::cli::tools::socket::{self, Question, connect, exchange_bytes, within};
-use crate::cli::tools::{Failure, input, print};
+use crate::cli::tools::socket::{self, SocketRequest, connect, exchange_bytes, within};
+use crate::cli::tools::{CommandFailure, input, print};
 use crate::config::without_secrets;
 use crate::daemon::host::about;
 use crate::daemon::host::archive::{ArchivedFile, archive};
@@ -9,8 +9,8 @@ use crate::daemon::http::diagnostics::SECONDS;
 use crate::daemon::journal::file_in;
 use crate::daemon::journal::listing::{COLUMNS, in_csv};
 use crate::daemon::journal::reader::connect as open_journal;
-use crate::daemon::journal::search::Merged;
-use crate::journal::Table;
+use crate::daemon::journal::search::MergedRows;
+use crate::journal::JournalTable;
 use axum::body::Bytes;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -40,9 +40,9 @@ pub struct Args {
 }
 
 /// Writes the archive of the running gateway, or with `--config` what is known of one that does not run.
-pub fn diagnose(args: &Args) -> Result<(), Failure> {
+pub fn diagnose(args: &Args) -> Result<(), CommandFailure> {
     let failed =
-        |error: std::io::Error| Failure::failed(format!("{}: {error}", args.out.display()));
+        |error: std::io::Error| CommandFailure::failed(format!("{}: {error}", args.out.display()));
     // Created first: no traffic is recorded for an archive that cannot be written.
     let mut file = std::fs::File::create_new(&args.out).map_err(failed)?;
     let made = made(args).inspect_err(|_| drop(std::fs::remove_file(&args.out)))?;
@@ -58,20 +58,20 @@ pub fn diagnose(args: &Args) -> Result<(), Failure> {
 }
 
 /// An archive, with what has to be said about it.
-struct Made {
+struct MadeArchive {
     archive: Vec<u8>,
     remark: String,
 }
 
-fn made(args: &Args) -> Result<Made, Failure> {
+fn made(args: &Args) -> Result<MadeArchive, CommandFailure> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
-        .map_err(Failure::failed)?;
+        .map_err(CommandFailure::failed)?;
     let (reason, place) = match args.place.path() {
         Ok(socket) => match runtime.block_on(running(&socket, args.seconds)) {
             Ok(archive) => {
-                return Ok(Made {
+                return Ok(MadeArchive {
                     archive: archive.to_vec(),
                     remark: String::new(),
                 });
@@ -81,12 +81,12 @@ fn made(args: &Args) -> Result<Made, Failure> {
         Err(failure) => (failure.to_string(), "configuration".to_owned()),
     };
     let Some(config) = args.place.config() else {
-        return Err(Failure::failed(format!(
+        return Err(CommandFailure::failed(format!(
             "{place}: {reason}; with --config FILE what is known without it is written"
         )));
     };
-    let archive = stopped(config, &reason).map_err(Failure::failed)?;
-    Ok(Made {
+    let archive = stopped(config, &reason).map_err(CommandFailure::failed)?;
+    Ok(MadeArchive {
         archive,
         remark: format!("{place}: {reason}\nonly what is known without it is written\n"),
     })
@@ -96,7 +96,7 @@ fn made(args: &Args) -> Result<Made, Failure> {
 async fn running(socket: &Path, seconds: u64) -> Result<Bytes, String> {
     let path = format!("/api/v1/diagnostics?seconds={seconds}");
     let patience = PATIENCE + Duration::from_secs(seconds);
-    let question = Question::look(&path);
+    let question = SocketRequest::get(&path);
     let asked = async { exchange_bytes(connect(socket).await?, "localhost", question).await };
     let (status, body) = within(patience, asked).await?;
     match status.is_success() {
@@ -132,7 +132,7 @@ fn stopped(config: &Path, reason: &str) -> std::io::Result<Vec<u8>> {
 /// The newest rows of the journal; `None` if there is none that can be read.
 fn journal(path: &Path) -> Option<ArchivedFile> {
     let connection = path.exists().then(|| open_journal(path).ok())??;
-    let rows: Vec<_> = Merged::new(&connection, &Table::ALL)
+    let rows: Vec<_> = MergedRows::new(&connection, &JournalTable::ALL)
         .filter_map(Result::ok)
         .map(|(table, row)| in_csv(table, &row))
         .collect();

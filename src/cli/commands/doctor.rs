@@ -1,10 +1,10 @@
 //! `doctor`: observes the lines of the running gateway for a while and reports what is wrong with them.
 
-use crate::cli::tools::socket::{self, Question};
-use crate::cli::tools::{Failure, Tone, log, print, toned};
+use crate::cli::tools::socket::{self, SocketRequest};
+use crate::cli::tools::{CommandFailure, WordTone, log, print, toned};
 use crate::daemon::http::report::SPAN_SECONDS;
 use crate::daemon::http::socket::SOCKET_NAME;
-use crate::north::finding::Sign;
+use crate::north::finding::FindingSign;
 use axum::http::StatusCode;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -18,13 +18,13 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// Lines that are watched at once.
 const AT_ONCE: usize = 8;
 /// What the doctor names of a drive beside its frames: a motor that does not do what was ordered.
-const OF_MOTION: [Sign; 6] = [
-    Sign::MayStillRun,
-    Sign::NotEffective,
-    Sign::OutputOutside,
-    Sign::StoppedElsewhere,
-    Sign::CommanderLost,
-    Sign::FailSafe,
+const OF_MOTION: [FindingSign; 6] = [
+    FindingSign::MayStillRun,
+    FindingSign::NotEffective,
+    FindingSign::OutputOutside,
+    FindingSign::StoppedElsewhere,
+    FindingSign::CommanderLost,
+    FindingSign::FailSafe,
 ];
 /// Cells of the progress bar.
 const BAR_CELLS: u64 = 30;
@@ -49,7 +49,7 @@ pub struct Args {
 }
 
 /// Prints a report of each line, and what is wrong with the gateway itself. It fails if there is a problem.
-pub fn doctor(args: &Args) -> Result<(), Failure> {
+pub fn doctor(args: &Args) -> Result<(), CommandFailure> {
     let socket = match &args.data_dir {
         Some(directory) => directory.join(SOCKET_NAME),
         None => args.place.path()?,
@@ -57,7 +57,7 @@ pub fn doctor(args: &Args) -> Result<(), Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
-        .map_err(Failure::failed)?;
+        .map_err(CommandFailure::failed)?;
     let reports = runtime.block_on(watch(&socket, args))?;
     let advice = runtime.block_on(advice(&socket));
     let (own, drives) = (own_findings(&advice), of_motion(&advice, &reports));
@@ -80,16 +80,19 @@ pub fn doctor(args: &Args) -> Result<(), Failure> {
         .count()
     {
         0 => Ok(()),
-        1 => Err(Failure::failed("one problem was found")),
-        problems => Err(Failure::failed(format!("{problems} problems were found"))),
+        1 => Err(CommandFailure::failed("one problem was found")),
+        problems => Err(CommandFailure::failed(format!(
+            "{problems} problems were found"
+        ))),
     }
 }
 
 /// The reports of all requested lines, in the order of the configuration.
-async fn watch(socket: &Path, args: &Args) -> Result<Vec<Value>, Failure> {
-    let failed =
-        |reason: String| Failure::failed(format!("gateway at {}: {reason}", socket.display()));
-    let health = look(socket, "/api/v1/health", PATIENCE)
+async fn watch(socket: &Path, args: &Args) -> Result<Vec<Value>, CommandFailure> {
+    let failed = |reason: String| {
+        CommandFailure::failed(format!("gateway at {}: {reason}", socket.display()))
+    };
+    let health = fetch_document(socket, "/api/v1/health", PATIENCE)
         .await
         .map_err(failed)?;
     let lines = health["lines"]
@@ -103,7 +106,7 @@ async fn watch(socket: &Path, args: &Args) -> Result<Vec<Value>, Failure> {
         .filter(|name| args.line.as_ref().is_none_or(|line| line == *name))
         .collect();
     if let (true, Some(line)) = (wanted.is_empty(), &args.line) {
-        return Err(Failure::wrong(format!(
+        return Err(CommandFailure::wrong(format!(
             "there is no line called {line}; there are: {}",
             all.join(", ")
         )));
@@ -114,12 +117,17 @@ async fn watch(socket: &Path, args: &Args) -> Result<Vec<Value>, Failure> {
             let socket = socket.to_owned();
             let path = format!("/api/v1/lines/{name}/report?seconds={}", args.seconds);
             let patience = PATIENCE + Duration::from_secs(args.seconds);
-            tokio::spawn(async move { look(&socket, &path, patience).await })
+            tokio::spawn(async move { fetch_document(&socket, &path, patience).await })
         });
         let asked: Vec<_> = asked.collect();
         let progress = tokio::spawn(progress(args.seconds));
         for answer in asked {
-            reports.push(answer.await.map_err(Failure::failed)?.map_err(failed)?);
+            reports.push(
+                answer
+                    .await
+                    .map_err(CommandFailure::failed)?
+                    .map_err(failed)?,
+            );
         }
         progress.abort();
         say("\r\x1b[K");
@@ -129,7 +137,7 @@ async fn watch(socket: &Path, args: &Args) -> Result<Vec<Value>, Failure> {
 
 /// What the gateway finds wrong at present. Another version may not tell.
 async fn advice(socket: &Path) -> Vec<Value> {
-    let told = look(socket, "/api/v1/advice", PATIENCE)
+    let told = fetch_document(socket, "/api/v1/advice", PATIENCE)
         .await
         .unwrap_or_default();
     told["advice"].as_array().cloned().unwrap_or_default()
@@ -153,7 +161,7 @@ fn of_motion<'a>(advice: &'a [Value], reports: &[Value]) -> Vec<&'a Value> {
     let is_of_motion = |finding: &Value| {
         finding["sign"]
             .as_str()
-            .is_some_and(|sign| OF_MOTION.iter().any(|it| it.word() == sign))
+            .is_some_and(|sign| OF_MOTION.iter().any(|it| it.keyword() == sign))
     };
     advice
         .iter()
@@ -161,8 +169,8 @@ fn of_motion<'a>(advice: &'a [Value], reports: &[Value]) -> Vec<&'a Value> {
         .collect()
 }
 
-async fn look(socket: &Path, path: &str, patience: Duration) -> Result<Value, String> {
-    match socket::ask(socket, Question::look(path), patience).await? {
+async fn fetch_document(socket: &Path, path: &str, patience: Duration) -> Result<Value, String> {
+    match socket::ask(socket, SocketRequest::get(path), patience).await? {
         (StatusCode::OK, answer) => Ok(answer),
         (status, answer) => Err(answer["error"]
             .as_str()
@@ -213,9 +221,9 @@ fn finding_row(finding: &Value) -> String {
     let word = |key: &str| finding[key].as_str().unwrap_or("?");
     let severity = word("severity");
     let tone = match severity {
-        "good" => Tone::Good,
-        "problem" => Tone::Problem,
-        _ => Tone::Notice,
+        "good" => WordTone::Good,
+        "problem" => WordTone::Problem,
+        _ => WordTone::Notice,
     };
     // The text of a report names its drive itself.
     let drive = finding["drive"]
@@ -231,7 +239,7 @@ fn text(reports: &[Value]) -> String {
 }
 
 fn line(report: &Value) -> String {
-    fn word<'a>(of: &'a Value, key: &str) -> &'a str {
+    fn text_at<'a>(of: &'a Value, key: &str) -> &'a str {
         of[key].as_str().unwrap_or("?")
     }
     let rates = &report["rates"];
@@ -240,13 +248,13 @@ fn line(report: &Value) -> String {
     let link = if has_none {
         String::new()
     } else {
-        format!("{} on ", word(report, "link"))
+        format!("{} on ", text_at(report, "link"))
     };
     let mut text = format!(
         "line {} ({link}{}): {}, watched for {} s\n",
-        word(report, "line"),
-        word(report, "port"),
-        word(report, "state"),
+        text_at(report, "line"),
+        text_at(report, "port"),
+        text_at(report, "state"),
         number(&report["observed_s"])
     );
     let share = |key: &str| {

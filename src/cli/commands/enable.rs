@@ -1,8 +1,8 @@
 //! `enable`: sets on a drive what it needs to obey the bus, after a person has seen old and new values.
 
 use crate::cli::tools::consent::ask_for_consent;
-use crate::cli::tools::setup::{self, items, judge, report, text, word};
-use crate::cli::tools::{Failure, print, socket};
+use crate::cli::tools::setup::{self, items, judge, report, text, word_with_meaning};
+use crate::cli::tools::{CommandFailure, print, socket};
 use serde_json::Value;
 
 /// Arguments of `enable`.
@@ -18,8 +18,8 @@ pub struct Args {
 }
 
 /// Sets what differs. The exit code says what was found afterwards.
-pub fn enable(args: &Args) -> Result<(), Failure> {
-    let drive = setup::Drive::new(&args.drive, &args.place)?;
+pub fn enable(args: &Args) -> Result<(), CommandFailure> {
+    let drive = setup::SetupDrive::new(&args.drive, &args.place)?;
     let before = drive.look()?;
     if setup::is_another_drive(&before)
         || items(&before).any(|item| item["result"] == "not_answered")
@@ -62,10 +62,10 @@ fn change(item: &Value) -> [String; 3] {
     let new = item["wanted"]
         .as_array()
         .and_then(|wanted| wanted.first())
-        .map_or_else(|| "?".to_owned(), word);
+        .map_or_else(|| "?".to_owned(), word_with_meaning);
     [
         text(item, "what").to_owned(),
         text(item, "text").to_owned(),
-        format!("{} -> {new}", word(&item["found"])),
+        format!("{} -> {new}", word_with_meaning(&item["found"])),
     ]
 }

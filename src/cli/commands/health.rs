@@ -1,10 +1,10 @@
 //! `health`: asks the running gateway whether it is ready, or only whether it is alive.
 
 use crate::cli::tools::socket::{
-    self, Question, connect, exchange, exchange_bytes, unreachable, within,
+    self, SocketRequest, connect, exchange, exchange_bytes, unreachable, within,
 };
 use crate::cli::tools::unseen::unseen_row;
-use crate::cli::tools::{Failure, Tone, print, toned};
+use crate::cli::tools::{CommandFailure, WordTone, print, toned};
 use axum::http::{StatusCode, Uri};
 use serde_json::Value;
 use std::fmt::{self, Display, Write};
@@ -42,16 +42,16 @@ pub struct Args {
 
 /// Prints a line for each line and drive, and fails unless the gateway is ready, has read something of each drive and no
 /// motor may run unseen; or fails unless it is alive, or active.
-pub fn health(args: &Args) -> Result<(), Failure> {
+pub fn health(args: &Args) -> Result<(), CommandFailure> {
     let place = match &args.url {
-        Some(url) => HealthSource::Url(Url::new(url)?),
+        Some(url) => HealthSource::Url(HealthUrl::new(url)?),
         None => HealthSource::Socket(args.place.path()?),
     };
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
-        .map_err(Failure::failed)?;
-    let failed = |reason: String| Failure::failed(format!("gateway at {place}: {reason}"));
+        .map_err(CommandFailure::failed)?;
+    let failed = |reason: String| CommandFailure::failed(format!("gateway at {place}: {reason}"));
     if args.alive {
         return print(&runtime.block_on(sign_of_life(&place)).map_err(failed)?);
     }
@@ -84,7 +84,7 @@ fn unseen(health: &Value) -> Vec<&str> {
     let drives = health["drives"].as_array().into_iter().flatten();
     drives
         .filter(|drive| drive["may_still_run"] == true)
-        .map(|drive| word(drive, "name"))
+        .map(|drive| text_at(drive, "name"))
         .collect()
 }
 
@@ -104,7 +104,7 @@ fn never_read(health: &Value) -> Vec<&str> {
 /// Where the gateway is reached.
 enum HealthSource {
     Socket(PathBuf),
-    Url(Url),
+    Url(HealthUrl),
 }
 
 impl Display for HealthSource {
@@ -117,18 +117,18 @@ impl Display for HealthSource {
 }
 
 /// What is needed of a URL.
-struct Url {
+struct HealthUrl {
     host: String,
     port: u16,
 }
 
-impl Url {
-    fn new(uri: &Uri) -> Result<Self, Failure> {
+impl HealthUrl {
+    fn new(uri: &Uri) -> Result<Self, CommandFailure> {
         let is_plain = uri.scheme_str() == Some("http") && matches!(uri.path(), "" | "/");
         let host = match uri.host() {
             Some(host) if is_plain => host,
             _ => {
-                return Err(Failure::wrong(format!(
+                return Err(CommandFailure::wrong(format!(
                     "{uri} is not an address such as http://127.0.0.1:8080"
                 )));
             }
@@ -152,7 +152,7 @@ impl Url {
 }
 
 async fn ask(place: &HealthSource) -> Result<Value, String> {
-    let question = Question::look(PATH);
+    let question = SocketRequest::get(PATH);
     let answer = match place {
         HealthSource::Url(url) => {
             within(PATIENCE, async {
@@ -170,7 +170,7 @@ async fn ask(place: &HealthSource) -> Result<Value, String> {
 
 /// The gateway's liveness answer. An error says why it is not alive.
 async fn sign_of_life(place: &HealthSource) -> Result<String, String> {
-    let question = Question::look(ALIVE);
+    let question = SocketRequest::get(ALIVE);
     let answer = within(PATIENCE, async {
         match place {
             HealthSource::Url(url) => {
@@ -257,9 +257,9 @@ fn span(seconds: u64) -> String {
 fn state_of<'a>(word: &'a str, good: &[&'a str]) -> String {
     toned(
         if good.contains(&word) {
-            Tone::Good
+            WordTone::Good
         } else {
-            Tone::Problem
+            WordTone::Problem
         },
         word,
     )
@@ -317,18 +317,18 @@ fn oversized(side: &str, health: &Value) -> String {
 }
 
 /// The text at `key`.
-fn word<'a>(of: &'a Value, key: &str) -> &'a str {
+fn text_at<'a>(of: &'a Value, key: &str) -> &'a str {
     of[key].as_str().unwrap_or("?")
 }
 
 /// What is said of a drive.
 fn drive_row(drive: &Value) -> String {
-    let name = word(drive, "name");
-    let line = word(drive, "line");
-    let model = word(drive, "model");
-    let presence = state_of(word(drive, "presence"), &["online"]);
-    let run_state = match word(drive, "run_state") {
-        "tripped" => toned(Tone::Problem, "tripped"),
+    let name = text_at(drive, "name");
+    let line = text_at(drive, "line");
+    let model = text_at(drive, "model");
+    let presence = state_of(text_at(drive, "presence"), &["online"]);
+    let run_state = match text_at(drive, "run_state") {
+        "tripped" => toned(WordTone::Problem, "tripped"),
         other => other.to_owned(),
     };
     let watchdog = drive["watchdog"]
@@ -337,7 +337,7 @@ fn drive_row(drive: &Value) -> String {
     let watchdog = watchdog.unwrap_or_default();
     let warning = drive["warning"].as_str();
     let warning = warning
-        .map(|text| format!(", {} {text}", toned(Tone::Notice, "warns:")))
+        .map(|text| format!(", {} {text}", toned(WordTone::Notice, "warns:")))
         .unwrap_or_default();
     let refused: Vec<_> = drive["refused"].as_array().into_iter().flatten().collect();
     let refused: Vec<_> = refused
@@ -349,13 +349,18 @@ fn drive_row(drive: &Value) -> String {
     } else {
         format!(
             ", {} {}",
-            toned(Tone::Problem, "refuses to show"),
+            toned(WordTone::Problem, "refuses to show"),
             refused.join(", ")
         )
     };
     let state = drive["undocumented_state"].as_str();
     let state = state
-        .map(|text| format!(", {} {text}", toned(Tone::Notice, "undocumented state:")))
+        .map(|text| {
+            format!(
+                ", {} {text}",
+                toned(WordTone::Notice, "undocumented state:")
+            )
+        })
         .unwrap_or_default();
     let motion = motion_of(drive);
     let site: Vec<_> = drive["site"]
@@ -376,7 +381,7 @@ fn drive_row(drive: &Value) -> String {
 
 /// What is not as it was ordered.
 fn motion_of(drive: &Value) -> String {
-    let action = word(&drive["failsafe"], "action");
+    let action = text_at(&drive["failsafe"], "action");
     let came = match drive["failsafe"]["stage"].as_str() {
         Some("due") => format!("the declared action ({action}) is due and nothing was sent"),
         Some("sent") => format!("the declared action ({action}) was sent and shows no effect yet"),
@@ -405,7 +410,7 @@ fn motion_of(drive: &Value) -> String {
     parts
         .iter()
         .filter(|it| !it.is_empty())
-        .map(|it| format!(", {}", toned(Tone::Problem, it)))
+        .map(|it| format!(", {}", toned(WordTone::Problem, it)))
         .collect()
 }
 
@@ -461,8 +466,8 @@ fn report(health: &Value) -> String {
     let _ = writeln!(
         text,
         "gateway {}: version {}, up {uptime}",
-        word(health, "gateway"),
-        word(health, "version")
+        text_at(health, "gateway"),
+        text_at(health, "version")
     );
     text.extend(items("lines").map(line_row));
     text.extend(

@@ -1,16 +1,18 @@
 //! `journal`: shows what the gateway has recorded, also while it runs.
 
 use crate::cli::tools::data_dir::DataDirArgs;
-use crate::cli::tools::{Failure, print};
+use crate::cli::tools::{CommandFailure, print};
 use crate::daemon::host::clock;
 use crate::daemon::journal::file_in;
 use crate::daemon::journal::listing::{COLUMNS, in_csv, in_json, in_words};
 use crate::daemon::journal::reader::{ReadRow, connect, salvage};
-use crate::daemon::journal::rescue::{Standing, standing};
-use crate::daemon::journal::search::{Merged, Since, Wanted};
-use crate::journal::Table;
+use crate::daemon::journal::rescue::{FileStanding, standing};
+use crate::daemon::journal::search::{MergedRows, SearchStart, WantedRows};
+use crate::journal::JournalTable;
 use rusqlite::ErrorCode;
 use std::collections::VecDeque;
+use std::fmt;
+use std::path::Path;
 
 /// Rows that are shown if neither a number nor a start is given.
 const LAST_USUAL: usize = 100;
@@ -21,16 +23,16 @@ const LAST_MAX: u64 = 1_000_000;
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// What is shown
-    #[arg(value_enum, default_value_t = Which::All)]
-    which: Which,
+    #[arg(value_enum, default_value_t = ShownRows::All)]
+    which: ShownRows,
     #[command(flatten)]
     place: DataDirArgs,
     /// Only rows about this drive
     #[arg(long, value_name = "NAME")]
     drive: Option<String>,
     /// Only rows since a time in UTC, such as 2026-01-31 or 2026-01-31T08:00, or for a duration, such as 30min, 12h or 7d
-    #[arg(long, value_name = "WHEN", value_parser = Since::parse)]
-    since: Option<Since>,
+    #[arg(long, value_name = "WHEN", value_parser = SearchStart::parse)]
+    since: Option<SearchStart>,
     /// At most this many rows, the newest; default: 100 without --since
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=LAST_MAX))]
     last: Option<u64>,
@@ -44,7 +46,7 @@ pub struct Args {
 
 /// Which rows are shown.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum Which {
+enum ShownRows {
     /// Trips, and when they cleared
     Trips,
     /// Commands and refusals, and what the gateway did on its own
@@ -56,28 +58,17 @@ enum Which {
 }
 
 /// Prints the rows, oldest first.
-pub fn journal(args: &Args) -> Result<(), Failure> {
+pub fn journal(args: &Args) -> Result<(), CommandFailure> {
     let path = file_in(&args.place.path()?);
     if !path.exists() {
-        return Err(Failure::failed(format!(
+        return Err(CommandFailure::failed(format!(
             "{}: there is no journal",
             path.display()
         )));
     }
-    let failed = |error: rusqlite::Error| Failure::failed(format!("{}: {error}", path.display()));
-    let damage = match standing(&path)
-        .map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?
-    {
-        Standing::New | Standing::Whole => None,
-        Standing::Empty => {
-            return Err(Failure::failed(format!(
-                "{}: the journal is empty",
-                path.display()
-            )));
-        }
-        Standing::Broken(what) => Some(what),
-    };
-    let mut lost: Vec<_> = damage.into_iter().collect();
+    let failed =
+        |error: rusqlite::Error| CommandFailure::failed(format!("{}: {error}", path.display()));
+    let mut lost: Vec<_> = damage(&path)?.into_iter().collect();
     let connection = match connect(&path) {
         Ok(connection) if lost.is_empty() => connection,
         Err(error) if lost.is_empty() && !is_damaged(&error) => return Err(failed(error)),
@@ -95,7 +86,7 @@ pub fn journal(args: &Args) -> Result<(), Failure> {
         .or(args.since.is_none().then_some(LAST_USUAL));
     let mut newest = VecDeque::new();
     let wanted = args.wanted();
-    for found in Merged::new(&connection, wanted.tables) {
+    for found in MergedRows::new(&connection, wanted.tables) {
         let found = match found {
             Ok(found) => found,
             Err(error) => {
@@ -120,13 +111,24 @@ pub fn journal(args: &Args) -> Result<(), Failure> {
     newest
         .iter()
         .try_for_each(|found| print(&args.shown(found)))?;
-    match lost.is_empty() {
-        true => Ok(()),
-        false => Err(Failure::failed(format!(
-            "{}: the journal is damaged: {}; showing what could be read",
-            path.display(),
-            lost.join("; ")
-        ))),
+    if lost.is_empty() {
+        return Ok(());
+    }
+    Err(CommandFailure::failed(format!(
+        "{}: the journal is damaged: {}; showing what could be read",
+        path.display(),
+        lost.join("; ")
+    )))
+}
+
+/// What is known to be damaged before anything is read.
+fn damage(path: &Path) -> Result<Option<String>, CommandFailure> {
+    let failed =
+        |what: &dyn fmt::Display| CommandFailure::failed(format!("{}: {what}", path.display()));
+    match standing(path).map_err(|error| failed(&error))? {
+        FileStanding::New | FileStanding::Whole => Ok(None),
+        FileStanding::Empty => Err(failed(&"the journal is empty")),
+        FileStanding::Broken(what) => Ok(Some(what)),
     }
 }
 
@@ -138,22 +140,22 @@ fn is_damaged(error: &rusqlite::Error) -> bool {
 }
 
 impl Args {
-    fn wanted(&self) -> Wanted {
-        let tables: &[Table] = match self.which {
-            Which::Trips => &[Table::Event],
-            Which::Audit => &[Table::Audit],
-            Which::Availability => &[Table::Availability],
-            Which::All => &Table::ALL,
+    fn wanted(&self) -> WantedRows {
+        let tables: &[JournalTable] = match self.which {
+            ShownRows::Trips => &[JournalTable::Event],
+            ShownRows::Audit => &[JournalTable::Audit],
+            ShownRows::Availability => &[JournalTable::Availability],
+            ShownRows::All => &JournalTable::ALL,
         };
         let since = self.since.map(|since| since.moment(clock::wall()));
-        Wanted {
+        WantedRows {
             tables,
             drive: self.drive.clone(),
             since,
         }
     }
 
-    fn shown(&self, (table, seen): &(Table, ReadRow)) -> String {
+    fn shown(&self, (table, seen): &(JournalTable, ReadRow)) -> String {
         if self.json {
             in_json(*table, seen, false).to_string() + "\n"
         } else if self.csv {

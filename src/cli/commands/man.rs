@@ -1,6 +1,6 @@
 //! `man`: the manual pages of this program, generated from the same source as `--help`.
 
-use crate::cli::tools::{Failure, print};
+use crate::cli::tools::{CommandFailure, print};
 use clap::Command;
 use clap_mangen::Man;
 use std::io;
@@ -18,25 +18,28 @@ pub struct Args {
 }
 
 /// Prints the page of `command`, or writes those of all its sub-commands.
-pub fn man(args: &Args, command: Command) -> Result<(), Failure> {
+pub fn man(args: &Args, command: Command) -> Result<(), CommandFailure> {
     // A manual needs no command that prints help; and only a built command knows its full names.
     let mut command = command.disable_help_subcommand(true);
     command.build();
     if let Some(dir) = &args.dir {
         match std::fs::create_dir(dir) {
             Err(error) if error.kind() != io::ErrorKind::AlreadyExists => {
-                return Err(Failure::failed(format!("{}: {error}", dir.display())));
+                return Err(CommandFailure::failed(format!(
+                    "{}: {error}",
+                    dir.display()
+                )));
             }
             _ => (),
         }
         return write_all(&command, dir)
-            .map_err(|error| Failure::failed(format!("{}: {error}", dir.display())));
+            .map_err(|error| CommandFailure::failed(format!("{}: {error}", dir.display())));
     }
     let mut page = Vec::new();
     page_of(&command)
         .render(&mut page)
-        .map_err(Failure::failed)?;
-    print(&String::from_utf8(page).map_err(Failure::failed)?)
+        .map_err(CommandFailure::failed)?;
+    print(&String::from_utf8(page).map_err(CommandFailure::failed)?)
 }
 
 /// Writes the page of `command` and of each visible command below it.

@@ -2,11 +2,11 @@
 
 mod new_model;
 
-use crate::cli::tools::model_facts::{OrderWord, Unproven, orders, orders_text};
+use crate::cli::tools::model_facts::{OrderWord, UnprovenFacts, orders, orders_text};
 use crate::cli::tools::own_models::ModelDirs;
-use crate::cli::tools::{Failure, input, print};
+use crate::cli::tools::{CommandFailure, input, print};
 use crate::profile::catalog::id_of;
-use crate::profile::model::{Document, Model, Register};
+use crate::profile::model::{Model, ModelDocument, Register};
 use crate::profile::summary;
 use crate::profile::words::POLL_CLASSES;
 use crate::toml_file::words::{FRAMINGS, word_for};
@@ -22,11 +22,11 @@ pub struct Args {
     #[command(flatten)]
     own: ModelDirs,
     #[command(subcommand)]
-    action: Option<Action>,
+    action: Option<ModelsAction>,
 }
 
 #[derive(Debug, clap::Subcommand)]
-enum Action {
+enum ModelsAction {
     /// List the models, built-in and your own (default)
     List {
         /// Only the models of this maker: a part of its name, or the beginning of the identifiers
@@ -57,20 +57,20 @@ enum Action {
 }
 
 /// Lists, shows or checks.
-pub fn models(args: &Args) -> Result<(), Failure> {
+pub fn models(args: &Args) -> Result<(), CommandFailure> {
     match &args.action {
         None => list(&args.own, None, false),
-        Some(Action::List { vendor, json }) => list(&args.own, vendor.as_deref(), *json),
-        Some(Action::Show {
+        Some(ModelsAction::List { vendor, json }) => list(&args.own, vendor.as_deref(), *json),
+        Some(ModelsAction::Show {
             model, toml: true, ..
         }) => print(&input::model_text(model, &args.own)?),
-        Some(Action::Show { model, json, .. }) => show(model, &args.own, *json),
-        Some(Action::Check { file }) => check_file(file, &args.own),
-        Some(Action::New(new)) => new_model::new(new, &args.own),
+        Some(ModelsAction::Show { model, json, .. }) => show(model, &args.own, *json),
+        Some(ModelsAction::Check { file }) => check_file(file, &args.own),
+        Some(ModelsAction::New(new)) => new_model::new(new, &args.own),
     }
 }
 
-fn list(own: &ModelDirs, vendor: Option<&str>, as_json: bool) -> Result<(), Failure> {
+fn list(own: &ModelDirs, vendor: Option<&str>, as_json: bool) -> Result<(), CommandFailure> {
     let catalog = input::catalog_with(own)?;
     let models = of_vendor(catalog.models(), vendor)?;
     if as_json {
@@ -85,7 +85,7 @@ fn list(own: &ModelDirs, vendor: Option<&str>, as_json: bool) -> Result<(), Fail
             model.id.clone(),
             format!("{} {}", model.vendor, model.title),
             framings(model).join(", "),
-            Unproven::of(model).count().to_string(),
+            UnprovenFacts::of(model).count().to_string(),
             orders_text(&orders(model)),
         ]
     });
@@ -98,7 +98,7 @@ fn list(own: &ModelDirs, vendor: Option<&str>, as_json: bool) -> Result<(), Fail
 fn of_vendor<'a>(
     models: impl Iterator<Item = &'a Arc<Model>>,
     vendor: Option<&str>,
-) -> Result<Vec<&'a Arc<Model>>, Failure> {
+) -> Result<Vec<&'a Arc<Model>>, CommandFailure> {
     let all: Vec<_> = models.collect();
     let Some(vendor) = vendor else { return Ok(all) };
     let wished = vendor.trim().to_lowercase();
@@ -111,14 +111,14 @@ fn of_vendor<'a>(
     if found.is_empty() {
         let makers: BTreeSet<_> = all.iter().map(|model| model.vendor.as_str()).collect();
         let makers = makers.into_iter().collect::<Vec<_>>().join(", ");
-        return Err(Failure::wrong(format!(
+        return Err(CommandFailure::wrong(format!(
             "no model is of a maker {vendor}; there are models of {makers}"
         )));
     }
     Ok(found)
 }
 
-fn show(id: &str, own: &ModelDirs, as_json: bool) -> Result<(), Failure> {
+fn show(id: &str, own: &ModelDirs, as_json: bool) -> Result<(), CommandFailure> {
     let model = input::model(id, own)?;
     if as_json {
         return print(&format!("{:#}\n", in_full(&model)));
@@ -127,11 +127,11 @@ fn show(id: &str, own: &ModelDirs, as_json: bool) -> Result<(), Failure> {
 }
 
 /// Reports the problems of the file at `path`, or what of it is unproven.
-fn check_file(path: &Path, own: &ModelDirs) -> Result<(), Failure> {
+fn check_file(path: &Path, own: &ModelDirs) -> Result<(), CommandFailure> {
     let mut files = input::own_models(own)?;
     files
         .read_file(path)
-        .map_err(|unread| Failure::wrong(unread.what))?;
+        .map_err(|unread| CommandFailure::wrong(unread.what))?;
     let catalog = input::joined(&files)?;
     let id = files
         .files()
@@ -163,7 +163,7 @@ fn check_file(path: &Path, own: &ModelDirs) -> Result<(), Failure> {
             text,
             "  {}: {}, {sources}",
             basic.what,
-            basic.confidence.word()
+            basic.confidence.keyword()
         );
     }
     text.push_str(&unproven_text(&model));
@@ -171,13 +171,13 @@ fn check_file(path: &Path, own: &ModelDirs) -> Result<(), Failure> {
 }
 
 fn unproven_text(model: &Model) -> String {
-    let unproven = Unproven::of(model);
+    let unproven = UnprovenFacts::of(model);
     if unproven.count() == 0 {
         return "Nothing is unproven\n".to_owned();
     }
     let mut text = "Unproven\n".to_owned();
     for (confidence, names) in unproven.groups() {
-        let _ = writeln!(text, "  {}: {}", confidence.word(), names.join(", "));
+        let _ = writeln!(text, "  {}: {}", confidence.keyword(), names.join(", "));
     }
     text
 }
@@ -193,8 +193,7 @@ fn framings(model: &Model) -> Vec<&'static str> {
 }
 
 fn in_short(model: &Model) -> Value {
-    let order =
-        |(word, confidence): &OrderWord| json!({ "order": word, "confidence": confidence.word() });
+    let order = |(word, confidence): &OrderWord| json!({ "order": word, "confidence": confidence.keyword() });
     let orders = orders(model).unwrap_or_default();
     json!({
         "id": model.id,
@@ -202,17 +201,17 @@ fn in_short(model: &Model) -> Value {
         "title": model.title,
         "framings": framings(model),
         "registers": model.registers.len(),
-        "unproven": Unproven::of(model).count(),
+        "unproven": UnprovenFacts::of(model).count(),
         "orders": orders.iter().map(order).collect::<Vec<_>>(),
     })
 }
 
 fn in_full(model: &Model) -> Value {
     let mut value = in_short(model);
-    let unproven = Unproven::of(model);
+    let unproven = UnprovenFacts::of(model);
     let unproven = unproven
         .groups()
-        .map(|(confidence, names)| (confidence.word().to_owned(), json!(names)));
+        .map(|(confidence, names)| (confidence.keyword().to_owned(), json!(names)));
     value["unproven"] = Value::Object(unproven.collect());
     let second = model
         .second_sources
@@ -228,22 +227,22 @@ fn in_full(model: &Model) -> Value {
     value
 }
 
-fn of_document(document: &Document, model: &Model) -> Value {
+fn of_document(document: &ModelDocument, model: &Model) -> Value {
     json!({
         "name": document.name,
         "title": document.title,
-        "kind": document.kind.word(),
+        "kind": document.kind.keyword(),
         "of_this_model": document.is_of(&model.id),
         "of": document.of,
         "made_from": document.made_from,
-        "best": document.best(&model.id).word(),
+        "best": document.best(&model.id).keyword(),
     })
 }
 
 fn of_register(register: &Register) -> Value {
     json!({
         "address": register.address.number(),
-        "table": register.address.table().word(),
+        "table": register.address.table().keyword(),
         "code": register.code,
         "name": register.name,
         "title": register.title,
@@ -252,12 +251,12 @@ fn of_register(register: &Register) -> Value {
         "words": register.form.words(),
         "is_plain": register.form.is_plain(),
         "signed": register.signed,
-        "access": register.access.word(),
+        "access": register.access.keyword(),
         "poll": register.poll.map(|poll| word_for(&POLL_CLASSES, &poll)),
-        "memory": register.memory.map(|memory| memory.word()),
-        "confidence": register.confidence.word(),
+        "memory": register.memory.map(|memory| memory.keyword()),
+        "confidence": register.confidence.keyword(),
         "source": register.source,
-        "not_stated": register.not_stated.iter().map(|part| part.word()).collect::<Vec<_>>(),
+        "not_stated": register.not_stated.iter().map(|part| part.keyword()).collect::<Vec<_>>(),
     })
 }
 

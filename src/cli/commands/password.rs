@@ -1,7 +1,7 @@
 //! `password`: hashes a password for a user of the page.
 
-use crate::cli::tools::passwords::{CTRL_C, Silence, hashed};
-use crate::cli::tools::{Failure, log, print};
+use crate::cli::tools::passwords::{CTRL_C, SilentTerminal, hashed};
+use crate::cli::tools::{CommandFailure, log, print};
 use rustix::termios::isatty;
 use std::io::{self, Read, Stdin};
 
@@ -24,7 +24,7 @@ or write it there as `password_hash`. Then `vfd-gateway reload`.
 pub struct Args {}
 
 /// Asks for a password, twice on a terminal, and prints its hash.
-pub fn password(_: &Args) -> Result<(), Failure> {
+pub fn password(_: &Args) -> Result<(), CommandFailure> {
     let stdin = io::stdin();
     let password = if isatty(&stdin) {
         ask_twice(&stdin)?
@@ -36,13 +36,13 @@ pub fn password(_: &Args) -> Result<(), Failure> {
     Ok(())
 }
 
-fn ask_twice(stdin: &Stdin) -> Result<String, Failure> {
-    let _silence = Silence::begin(stdin).map_err(Failure::failed)?;
+fn ask_twice(stdin: &Stdin) -> Result<String, CommandFailure> {
+    let _silence = SilentTerminal::begin(stdin).map_err(CommandFailure::failed)?;
     let ask = |prompt: &str| {
         log::complain(prompt.as_bytes());
         let (line, is_cancelled) = read_line(stdin)?;
         if is_cancelled {
-            Err(Failure::failed("\nnothing was made"))
+            Err(CommandFailure::failed("\nnothing was made"))
         } else {
             Ok(line)
         }
@@ -51,22 +51,22 @@ fn ask_twice(stdin: &Stdin) -> Result<String, Failure> {
     if ask("The same again: ")? == password {
         Ok(password)
     } else {
-        Err(Failure::wrong("the passwords differ"))
+        Err(CommandFailure::wrong("the passwords differ"))
     }
 }
 
 /// The next line without its end, and whether it ends with Ctrl-C.
-fn read_line(stdin: &Stdin) -> Result<(String, bool), Failure> {
+fn read_line(stdin: &Stdin) -> Result<(String, bool), CommandFailure> {
     let mut line = Vec::new();
     for byte in stdin.lock().take(LINE_BYTES_MAX).bytes() {
-        match byte.map_err(Failure::failed)? {
+        match byte.map_err(CommandFailure::failed)? {
             b'\n' => break,
             CTRL_C => return Ok((String::new(), true)),
             byte => line.push(byte),
         }
     }
-    let line =
-        String::from_utf8(line).map_err(|_| Failure::wrong("the password is not valid UTF-8"))?;
+    let line = String::from_utf8(line)
+        .map_err(|_| CommandFailure::wrong("the password is not valid UTF-8"))?;
     Ok((
         line.strip_suffix('\r').map(str::to_owned).unwrap_or(line),
         false,

@@ -1,7 +1,7 @@
 //! `read`: registers or named values of one drive, once, through a running gateway or directly on a port.
 
-use crate::cli::tools::reading::{Shown, What};
-use crate::cli::tools::{Failure, print};
+use crate::cli::tools::reading::{ReadSelection, ShownValue};
+use crate::cli::tools::{CommandFailure, print};
 use serde_json::json;
 use std::fmt::Write;
 
@@ -9,7 +9,7 @@ use std::fmt::Write;
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(flatten)]
-    what: What,
+    what: ReadSelection,
 }
 
 impl Args {
@@ -20,20 +20,20 @@ impl Args {
 }
 
 /// Reads once and prints the values.
-pub fn read(args: &Args) -> Result<(), Failure> {
+pub fn read(args: &Args) -> Result<(), CommandFailure> {
     let asked = args.what.asked()?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
-        .map_err(Failure::failed)?;
+        .map_err(CommandFailure::failed)?;
     let values = runtime.block_on(async {
         let mut reached = args.what.reach().await?;
         let values = asked.read(&mut reached.client).await;
         reached.close().await;
-        values.map_err(Failure::from)
+        values.map_err(CommandFailure::from)
     })?;
     if args.what.json {
-        let values: Vec<_> = values.iter().map(Shown::json).collect();
+        let values: Vec<_> = values.iter().map(ShownValue::json).collect();
         let (place, number) = args.what.target.place();
         return print(&format!(
             "{}\n",

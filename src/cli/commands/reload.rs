@@ -1,6 +1,6 @@
 //! `reload`: makes the running gateway read its configuration file again.
 
-use crate::cli::tools::{Failure, print, socket};
+use crate::cli::tools::{CommandFailure, print, socket};
 use axum::http::{Method, StatusCode};
 use serde_json::Value;
 use std::time::Duration;
@@ -19,38 +19,38 @@ pub struct Args {
 }
 
 /// Requests a reload, and prints what has changed or why nothing has.
-pub fn reload(args: &Args) -> Result<(), Failure> {
+pub fn reload(args: &Args) -> Result<(), CommandFailure> {
     let socket = args.place.path()?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
-        .map_err(Failure::failed)?;
-    let question = socket::Question {
+        .map_err(CommandFailure::failed)?;
+    let question = socket::SocketRequest {
         method: Method::POST,
         path: "/api/v1/reload",
         body: None,
     };
     let answer = runtime.block_on(socket::ask(&socket, question, PATIENCE));
     let (status, answer) =
-        answer.map_err(|error| Failure::failed(format!("{}: {error}", socket.display())))?;
+        answer.map_err(|error| CommandFailure::failed(format!("{}: {error}", socket.display())))?;
     if args.json {
         print(&format!("{answer}\n"))?;
     } else if status.is_success() {
-        print(&told(&answer))?;
+        print(&reload_message(&answer))?;
     }
     let message = answer["message"].as_str().unwrap_or_default();
     match status {
         StatusCode::OK => Ok(()),
-        StatusCode::UNPROCESSABLE_ENTITY => Err(Failure::wrong(format!(
+        StatusCode::UNPROCESSABLE_ENTITY => Err(CommandFailure::wrong(format!(
             "{message}\nconfiguration unchanged"
         ))),
-        _ => Err(Failure::failed(format!(
+        _ => Err(CommandFailure::failed(format!(
             "configuration unchanged: {message}"
         ))),
     }
 }
 
-fn told(answer: &Value) -> String {
+fn reload_message(answer: &Value) -> String {
     let all = |key: &str| {
         answer[key]
             .as_array()

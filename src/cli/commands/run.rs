@@ -1,6 +1,6 @@
 //! `run`: the daemon.
 
-use crate::cli::tools::{Failure, running};
+use crate::cli::tools::{CommandFailure, running};
 use std::path::PathBuf;
 
 /// Arguments of `run`.
@@ -12,6 +12,6 @@ pub struct Args {
 }
 
 /// Runs the gateway until SIGINT or SIGTERM.
-pub fn run(args: &Args) -> Result<(), Failure> {
+pub fn run(args: &Args) -> Result<(), CommandFailure> {
     running::run(&args.config)
 }

@@ -1,8 +1,8 @@
 //! `simulate`: drives on a pseudo-terminal or a TCP port, for users without hardware.
 
-use crate::cli::tools::keyboard::Enter;
+use crate::cli::tools::keyboard::EnterPresses;
 use crate::cli::tools::own_models::ModelDirs;
-use crate::cli::tools::{Failure, input, print};
+use crate::cli::tools::{CommandFailure, input, print};
 use crate::daemon::host::pty::Pty;
 use crate::daemon::lines::simulated_end::{AtSpeed, LineEnd, TcpEnd};
 use crate::daemon::lines::simulator;
@@ -10,8 +10,8 @@ use crate::daemon::service::signals::told_to_end;
 use crate::domain::ids::Station;
 use crate::domain::link::{Framing, LinkSettings, Parity};
 use crate::domain::time::MonoTime;
-use crate::profile::model::{Factory, Model};
-use crate::sim::{BadRequest, BusOptions, DriveOptions, FaultPlan, Pacing, SimBus, SimDrive};
+use crate::profile::model::{FactorySetting, Model};
+use crate::sim::{BadRequest, BusOptions, BusPacing, DriveOptions, FaultPlan, SimBus, SimDrive};
 use crate::toml_file::words::{FRAMINGS, word_for};
 use std::fmt::Display;
 use std::net::SocketAddr;
@@ -44,7 +44,7 @@ pub struct Args {
     baud: Option<u32>,
     /// Parity; default: the model's factory setting; if none is known, none, or the first that it lists
     #[arg(long, value_enum)]
-    parity: Option<ParityArg>,
+    parity: Option<SimParityArg>,
     /// Stop bits; default: the model's factory setting; if none is known, 1, or the first that it lists
     #[arg(long, value_parser = clap::value_parser!(u8).range(1..=2))]
     stop_bits: Option<u8>,
@@ -84,7 +84,7 @@ pub struct Args {
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum ParityArg {
+enum SimParityArg {
     None,
     Even,
     Odd,
@@ -98,12 +98,12 @@ enum FramingArg {
 }
 
 /// Simulates the drives until SIGINT or SIGTERM.
-pub fn simulate(args: &Args) -> Result<(), Failure> {
+pub fn simulate(args: &Args) -> Result<(), CommandFailure> {
     let model = input::model(&args.model, &args.own)?;
     let framing = framing_of(args)?;
     let link = link_of(args, &model, framing)?;
     check_stations(&args.stations, &model)?;
-    let trips = Trips::of(args)?;
+    let trips = TripSchedule::of(args)?;
     let mut bus = bus_of(args, &Arc::new(model.on(framing)), framing, link);
     let announcement = |place: &dyn Display| {
         format!(
@@ -125,19 +125,22 @@ pub fn simulate(args: &Args) -> Result<(), Failure> {
     };
     if let Some(address) = args.tcp {
         let end = TcpEnd::listen(address)
-            .map_err(|error| Failure::failed(format!("{address}: {error}")))?;
+            .map_err(|error| CommandFailure::failed(format!("{address}: {error}")))?;
         let scheme = if framing == Framing::Mbap {
             "modbus-tcp"
         } else {
             "tcp"
         };
-        let place = format!("{scheme}://{}", end.address().map_err(Failure::failed)?);
+        let place = format!(
+            "{scheme}://{}",
+            end.address().map_err(CommandFailure::failed)?
+        );
         return play_until_told(end, &mut bus, &announcement(&place), trips);
     }
-    let mut pty = Pty::new().map_err(Failure::failed)?;
+    let mut pty = Pty::new().map_err(CommandFailure::failed)?;
     if let Some(link) = &args.link {
         pty.link_as(link)
-            .map_err(|error| Failure::failed(format!("{}: {error}", link.display())))?;
+            .map_err(|error| CommandFailure::failed(format!("{}: {error}", link.display())))?;
     }
     let place = args.link.as_deref().unwrap_or(pty.path()).display();
     let announcement = announcement(&place);
@@ -152,14 +155,14 @@ pub fn simulate(args: &Args) -> Result<(), Failure> {
     play_until_told(&pty, &mut bus, &announcement, trips)
 }
 
-fn framing_of(args: &Args) -> Result<Framing, Failure> {
+fn framing_of(args: &Args) -> Result<Framing, CommandFailure> {
     let framing = match args.framing {
         FramingArg::Rtu => Framing::Rtu,
         FramingArg::Ascii => Framing::Ascii,
         FramingArg::ModbusTcp => Framing::Mbap,
     };
     if framing == Framing::Mbap && args.tcp.is_none() {
-        return Err(Failure::wrong(
+        return Err(CommandFailure::wrong(
             "Modbus TCP needs an address to listen on: add `--tcp 127.0.0.1:1502`",
         ));
     }
@@ -167,12 +170,12 @@ fn framing_of(args: &Args) -> Result<Framing, Failure> {
 }
 
 /// A drive of `model` can have each of `stations`, and none is named twice.
-fn check_stations(stations: &[u8], model: &Model) -> Result<(), Failure> {
+fn check_stations(stations: &[u8], model: &Model) -> Result<(), CommandFailure> {
     let possible = &model.link.stations.value;
     if let Some(wrong) = stations.iter().find(|station| !possible.contains(station)) {
         let first = possible.start();
         let last = possible.end();
-        return Err(Failure::wrong(format!(
+        return Err(CommandFailure::wrong(format!(
             "station {wrong} is outside {first} to {last} of {}",
             model.id
         )));
@@ -182,13 +185,15 @@ fn check_stations(stations: &[u8], model: &Model) -> Result<(), Failure> {
         .enumerate()
         .find_map(|(at, n)| stations[..at].contains(n).then_some(n))
     {
-        return Err(Failure::wrong(format!("station {twice} is named twice")));
+        return Err(CommandFailure::wrong(format!(
+            "station {twice} is named twice"
+        )));
     }
     Ok(())
 }
 
 /// The settings of the line, if a drive of `model` supports its framing and data bits.
-fn link_of(args: &Args, model: &Model, framing: Framing) -> Result<LinkSettings, Failure> {
+fn link_of(args: &Args, model: &Model, framing: Framing) -> Result<LinkSettings, CommandFailure> {
     if !framing.has_characters() {
         return Ok(LinkSettings::DEFAULT);
     }
@@ -208,22 +213,22 @@ fn link_of(args: &Args, model: &Model, framing: Framing) -> Result<LinkSettings,
             word_for(&FRAMINGS, &framing),
             has.join(", ")
         );
-        return Err(Failure::wrong(what));
+        return Err(CommandFailure::wrong(what));
     }
     if framing == Framing::Rtu && data_bits != 8 && args.data_bits.is_none() {
-        return Err(Failure::wrong(format!(
+        return Err(CommandFailure::wrong(format!(
             "{} leaves the factory with ASCII frames at {factory}: add `--framing ascii`; or, as set by hand to RTU, \
              `--data-bits 8` with `--parity` and `--stop-bits`",
             model.id
         )));
     }
     if framing == Framing::Rtu && data_bits != 8 {
-        return Err(Failure::wrong(
+        return Err(CommandFailure::wrong(
             "RTU frames need 8 data bits; 7 go with `--framing ascii`",
         ));
     }
     if !model.link.data_bits.value.contains(&data_bits) {
-        return Err(Failure::wrong(format!(
+        return Err(CommandFailure::wrong(format!(
             "{} cannot be set to {data_bits} data bits",
             model.id
         )));
@@ -232,9 +237,9 @@ fn link_of(args: &Args, model: &Model, framing: Framing) -> Result<LinkSettings,
         baud: args.baud.unwrap_or(factory.baud),
         data_bits,
         parity: args.parity.map_or(factory.parity, |parity| match parity {
-            ParityArg::None => Parity::None,
-            ParityArg::Even => Parity::Even,
-            ParityArg::Odd => Parity::Odd,
+            SimParityArg::None => Parity::None,
+            SimParityArg::Even => Parity::Even,
+            SimParityArg::Odd => Parity::Odd,
         }),
         stop_bits: args.stop_bits.unwrap_or(factory.stop_bits),
     })
@@ -245,7 +250,7 @@ fn assumed(args: &Args, model: &Model) -> String {
     let all_given = args.framing == FramingArg::ModbusTcp
         || args.baud.is_some() && args.parity.is_some() && args.stop_bits.is_some();
     match &model.link.default.value {
-        Factory::Ask(text) if !all_given => format!(
+        FactorySetting::Ask(text) if !all_given => format!(
             "no factory setting of {} is known ({text}); without --baud, --parity and --stop-bits, usual ones are taken\n",
             model.id
         ),
@@ -257,9 +262,9 @@ fn bus_of(args: &Args, model: &Arc<Model>, framing: Framing, link: LinkSettings)
     let options = BusOptions {
         framing,
         pacing: if args.unpaced || !framing.has_characters() {
-            Pacing::None
+            BusPacing::None
         } else {
-            Pacing::CharacterTimes
+            BusPacing::CharacterTimes
         },
         turnaround: Duration::from_millis(args.turnaround_ms),
         faults: args.faults,
@@ -286,19 +291,20 @@ fn play_until_told(
     line: impl LineEnd + Send,
     bus: &mut SimBus,
     announcement: &str,
-    mut trips: Trips,
-) -> Result<(), Failure> {
+    mut trips: TripSchedule,
+) -> Result<(), CommandFailure> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
-        .map_err(Failure::failed)?;
+        .map_err(CommandFailure::failed)?;
     let told = {
         let _on_runtime = runtime.enter();
-        told_to_end().map_err(Failure::failed)?
+        told_to_end().map_err(CommandFailure::failed)?
     };
     print(announcement)?;
-    let trip = |bus: &mut SimBus, now| trips.look(bus, now);
-    simulator::play_beside(line, bus, trip, || runtime.block_on(told)).map_err(Failure::failed)?;
+    let trip = |bus: &mut SimBus, now| trips.trip_if_due(bus, now);
+    simulator::play_beside(line, bus, trip, || runtime.block_on(told))
+        .map_err(CommandFailure::failed)?;
     let report = bus.report();
     tracing::info!(
         requests = report.requests_heard,
@@ -309,19 +315,19 @@ fn play_until_told(
 }
 
 /// When the drives trip.
-struct Trips {
+struct TripSchedule {
     every: Option<Duration>,
     next: Option<MonoTime>,
-    enter: Option<Enter>,
+    enter: Option<EnterPresses>,
 }
 
-impl Trips {
-    fn of(args: &Args) -> Result<Self, Failure> {
+impl TripSchedule {
+    fn of(args: &Args) -> Result<Self, CommandFailure> {
         Ok(Self {
             every: args.trip_every.map(Duration::from_secs),
             next: None,
             enter: if args.trip_on_enter {
-                Some(Enter::listen().map_err(Failure::failed)?)
+                Some(EnterPresses::listen().map_err(CommandFailure::failed)?)
             } else {
                 None
             },
@@ -329,9 +335,9 @@ impl Trips {
     }
 
     /// Trips every drive if Enter was pressed, or the interval has passed since the last trip or since the start.
-    fn look(&mut self, bus: &mut SimBus, now: MonoTime) {
+    fn trip_if_due(&mut self, bus: &mut SimBus, now: MonoTime) {
         let is_due = self.is_due(now);
-        let was_pressed = self.enter.as_ref().is_some_and(Enter::was_pressed);
+        let was_pressed = self.enter.as_ref().is_some_and(EnterPresses::was_pressed);
         if !is_due && !was_pressed {
             return;
         }

@@ -1,7 +1,7 @@
 //! `standby`: shows the role of this gateway on each line that it shares with another one, or gives lines to that one.
 
-use crate::cli::tools::socket::{self, Question, SocketArgs};
-use crate::cli::tools::{Failure, Tone, print, toned};
+use crate::cli::tools::socket::{self, SocketArgs, SocketRequest};
+use crate::cli::tools::{CommandFailure, WordTone, print, toned};
 use axum::http::{Method, StatusCode};
 use serde_json::{Value, json};
 use std::time::Duration;
@@ -16,13 +16,13 @@ const HAND_OVER_PATIENCE: Duration = Duration::from_secs(25 * 60);
 #[command(args_conflicts_with_subcommands = true)]
 pub struct Args {
     #[command(subcommand)]
-    action: Option<Action>,
+    action: Option<StandbyAction>,
     #[command(flatten)]
     look: LookArgs,
 }
 
 #[derive(Debug, clap::Subcommand)]
-enum Action {
+enum StandbyAction {
     /// Show the role of this gateway on each line; `standby` alone does the same
     Status(LookArgs),
     /// Give lines to the other gateway, and wait until that one is heard
@@ -53,32 +53,36 @@ struct YieldArgs {
 }
 
 /// Prints a row for each line, or hands lines over.
-pub fn standby(args: &Args) -> Result<(), Failure> {
+pub fn standby(args: &Args) -> Result<(), CommandFailure> {
     match &args.action {
         None => status(&args.look),
-        Some(Action::Status(look)) => status(look),
-        Some(Action::Yield(args)) => hand_over(args),
+        Some(StandbyAction::Status(look)) => status(look),
+        Some(StandbyAction::Yield(args)) => hand_over(args),
     }
 }
 
 fn ask(
     place: &SocketArgs,
-    question: Question<'_>,
+    question: SocketRequest<'_>,
     patience: Duration,
-) -> Result<(StatusCode, Value), Failure> {
+) -> Result<(StatusCode, Value), CommandFailure> {
     let socket = place.path()?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
-        .map_err(Failure::failed)?;
+        .map_err(CommandFailure::failed)?;
     let answer = runtime.block_on(socket::ask(&socket, question, patience));
-    answer.map_err(|reason| Failure::failed(format!("gateway at {}: {reason}", socket.display())))
+    answer.map_err(|reason| {
+        CommandFailure::failed(format!("gateway at {}: {reason}", socket.display()))
+    })
 }
 
-fn status(args: &LookArgs) -> Result<(), Failure> {
-    let (status, health) = ask(&args.place, Question::look("/api/v1/health"), PATIENCE)?;
+fn status(args: &LookArgs) -> Result<(), CommandFailure> {
+    let (status, health) = ask(&args.place, SocketRequest::get("/api/v1/health"), PATIENCE)?;
     if status != StatusCode::OK {
-        return Err(Failure::failed(format!("the gateway answers {status}")));
+        return Err(CommandFailure::failed(format!(
+            "the gateway answers {status}"
+        )));
     }
     let lines = health["lines"]
         .as_array()
@@ -106,7 +110,7 @@ fn row(line: &Value) -> String {
     let partner = word("partner");
     let listens = match standby["listener"].as_bool() {
         Some(true) => format!("{partner} would take over"),
-        Some(false) => toned(Tone::Problem, &format!("{partner} does not answer")),
+        Some(false) => toned(WordTone::Problem, &format!("{partner} does not answer")),
         None => format!("whether {partner} would take over is not known yet"),
     };
     let state = match (
@@ -116,17 +120,19 @@ fn row(line: &Value) -> String {
     ) {
         (_, _, false) => format!(
             "{}; nothing can be heard",
-            toned(Tone::Problem, "the port cannot be used")
+            toned(WordTone::Problem, "the port cannot be used")
         ),
         ("active", true, _) => format!(
             "active; {}",
-            toned(Tone::Problem, "another master is heard")
+            toned(WordTone::Problem, "another master is heard")
         ),
-        ("active", false, _) => format!("{}; {listens}", toned(Tone::Good, "active")),
-        ("listening", true, _) => format!("{}; {partner} sends", toned(Tone::Good, "listening")),
+        ("active", false, _) => format!("{}; {listens}", toned(WordTone::Good, "active")),
+        ("listening", true, _) => {
+            format!("{}; {partner} sends", toned(WordTone::Good, "listening"))
+        }
         ("listening", false, _) => format!(
             "listening; {}",
-            toned(Tone::Notice, "no other gateway is heard")
+            toned(WordTone::Notice, "no other gateway is heard")
         ),
         (role, ..) => role.to_owned(),
     };
@@ -139,12 +145,12 @@ fn row(line: &Value) -> String {
     )
 }
 
-fn hand_over(args: &YieldArgs) -> Result<(), Failure> {
+fn hand_over(args: &YieldArgs) -> Result<(), CommandFailure> {
     let body = args
         .line
         .as_ref()
         .map_or(Value::Null, |line| json!({ "line": line }));
-    let question = Question {
+    let question = SocketRequest {
         method: Method::POST,
         path: "/api/v1/standby/yield",
         body: Some(&body),
@@ -153,17 +159,17 @@ fn hand_over(args: &YieldArgs) -> Result<(), Failure> {
     if args.json {
         print(&format!("{answer}\n"))?;
     } else if status == StatusCode::OK || status == StatusCode::CONFLICT {
-        print(&told(&answer))?;
+        print(&yield_message(&answer))?;
     }
     match status {
         StatusCode::OK => Ok(()),
-        StatusCode::CONFLICT => Err(Failure::failed("not all lines were handed over")),
-        StatusCode::NOT_FOUND => Err(Failure::wrong(format!(
+        StatusCode::CONFLICT => Err(CommandFailure::failed("not all lines were handed over")),
+        StatusCode::NOT_FOUND => Err(CommandFailure::wrong(format!(
             "{}; {}",
             error(&answer),
             known(&answer)
         ))),
-        status => Err(Failure::failed(format!(
+        status => Err(CommandFailure::failed(format!(
             "the gateway answers {status}: {}",
             error(&answer)
         ))),
@@ -185,7 +191,7 @@ fn known(answer: &Value) -> String {
 }
 
 /// What came of each line, for people.
-fn told(answer: &Value) -> String {
+fn yield_message(answer: &Value) -> String {
     let lines = answer["lines"]
         .as_array()
         .map(Vec::as_slice)
@@ -271,8 +277,8 @@ mod tests {
     #[test]
     fn each_line_says_what_came_of_it() {
         let answer = json!({ "yielded": true, "lines": [{ "line": "hall-1", "outcome": "handed_over", "message": "done" }] });
-        assert_eq!(told(&answer), "line hall-1: done\n");
-        assert!(told(&json!({ "lines": [] })).contains("nothing to hand over"));
+        assert_eq!(yield_message(&answer), "line hall-1: done\n");
+        assert!(yield_message(&json!({ "lines": [] })).contains("nothing to hand over"));
         assert_eq!(known(&json!({ "lines": ["a", "b"] })), "the lines are a, b");
     }
 }

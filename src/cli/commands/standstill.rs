@@ -1,9 +1,9 @@
 //! `standstill`: a person who has looked confirms that the motor of a drive that is out of sight stands.
 
 use crate::cli::tools::consent::ask;
-use crate::cli::tools::socket::{self, Question, SocketArgs};
+use crate::cli::tools::socket::{self, SocketArgs, SocketRequest};
 use crate::cli::tools::unseen::unseen_row;
-use crate::cli::tools::{Failure, print, setup};
+use crate::cli::tools::{CommandFailure, print, setup};
 use crate::domain::ids::Name;
 use axum::http::{Method, StatusCode};
 use serde_json::{Value, json};
@@ -25,21 +25,23 @@ pub struct Args {
 }
 
 /// Confirms it over the socket. Nothing is sent to the drive.
-pub fn standstill(args: &Args) -> Result<(), Failure> {
-    let name = Name::new(&args.drive)
-        .ok_or_else(|| Failure::wrong(format!("`{}` is not a valid drive name", args.drive)))?;
+pub fn standstill(args: &Args) -> Result<(), CommandFailure> {
+    let name = Name::new(&args.drive).ok_or_else(|| {
+        CommandFailure::wrong(format!("`{}` is not a valid drive name", args.drive))
+    })?;
     let socket = args.place.path()?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
-        .map_err(Failure::failed)?;
-    let answered = |question: Question<'_>| {
+        .map_err(CommandFailure::failed)?;
+    let answered = |question: SocketRequest<'_>| {
         let answer = runtime.block_on(socket::ask(&socket, question, PATIENCE));
-        answer
-            .map_err(|reason| Failure::failed(format!("gateway at {}: {reason}", socket.display())))
+        answer.map_err(|reason| {
+            CommandFailure::failed(format!("gateway at {}: {reason}", socket.display()))
+        })
     };
     if !args.yes {
-        let (_, health) = answered(Question::look("/api/v1/health"))?;
+        let (_, health) = answered(SocketRequest::get("/api/v1/health"))?;
         print(&last_seen(&health, name.as_str()))?;
         ask(
             "have you looked, and does the motor stand?",
@@ -48,7 +50,7 @@ pub fn standstill(args: &Args) -> Result<(), Failure> {
     }
     let path = format!("/api/v1/drives/{name}/standstill");
     let body = json!({});
-    let (status, answer) = answered(Question {
+    let (status, answer) = answered(SocketRequest {
         method: Method::POST,
         path: &path,
         body: Some(&body),
@@ -57,8 +59,8 @@ pub fn standstill(args: &Args) -> Result<(), Failure> {
         StatusCode::OK => print(&format!(
             "drive {name}: confirmed that the motor stands; a stop that is pending stays\n"
         )),
-        StatusCode::NOT_FOUND => Err(Failure::wrong(setup::unknown(&answer))),
-        status => Err(Failure::failed(format!(
+        StatusCode::NOT_FOUND => Err(CommandFailure::wrong(setup::unknown(&answer))),
+        status => Err(CommandFailure::failed(format!(
             "drive {name}: {}",
             why(status, &answer)
         ))),

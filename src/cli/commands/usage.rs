@@ -3,8 +3,8 @@
 use crate::cli::tools::consent::ask_for_consent;
 use crate::cli::tools::data_dir::DataDirArgs;
 use crate::cli::tools::setup::unknown;
-use crate::cli::tools::socket::{self, Question};
-use crate::cli::tools::{Failure, print};
+use crate::cli::tools::socket::{self, SocketRequest};
+use crate::cli::tools::{CommandFailure, print};
 use crate::daemon::http::socket::SOCKET_NAME;
 use crate::daemon::journal::days::{COLUMNS, DayRow, each};
 use crate::daemon::journal::file_in;
@@ -46,7 +46,7 @@ pub struct Args {
 }
 
 /// Prints the days of each drive, oldest first, or resets the sums of one.
-pub fn usage(args: &Args) -> Result<(), Failure> {
+pub fn usage(args: &Args) -> Result<(), CommandFailure> {
     let directory = args.place.path()?;
     match (&args.drive, args.reset) {
         (Some(drive), true) => reset(&directory, drive, args.yes),
@@ -54,15 +54,16 @@ pub fn usage(args: &Args) -> Result<(), Failure> {
     }
 }
 
-fn show(directory: &Path, args: &Args) -> Result<(), Failure> {
+fn show(directory: &Path, args: &Args) -> Result<(), CommandFailure> {
     let path = file_in(directory);
     if !path.exists() {
-        return Err(Failure::failed(format!(
+        return Err(CommandFailure::failed(format!(
             "{}: there is no journal",
             path.display()
         )));
     }
-    let failed = |error: rusqlite::Error| Failure::failed(format!("{}: {error}", path.display()));
+    let failed =
+        |error: rusqlite::Error| CommandFailure::failed(format!("{}: {error}", path.display()));
     let most = args.days.unwrap_or(if args.csv || args.json {
         usize::MAX
     } else {
@@ -123,9 +124,9 @@ fn table(drive: &str, days: &VecDeque<DayRow>) -> String {
 }
 
 /// Asks the running gateway, because it continues from the sums that it holds.
-fn reset(directory: &Path, drive: &str, yes: bool) -> Result<(), Failure> {
+fn reset(directory: &Path, drive: &str, yes: bool) -> Result<(), CommandFailure> {
     let name = Name::new(drive)
-        .ok_or_else(|| Failure::wrong(format!("`{drive}` is not a valid drive name")))?;
+        .ok_or_else(|| CommandFailure::wrong(format!("`{drive}` is not a valid drive name")))?;
     if !yes {
         print(&format!(
             "energy, running hours, starts and trips of {name} begin at 0 again\n"
@@ -134,7 +135,7 @@ fn reset(directory: &Path, drive: &str, yes: bool) -> Result<(), Failure> {
     }
     let socket = directory.join(SOCKET_NAME);
     let path = format!("/api/v1/drives/{name}/usage/reset");
-    let question = Question {
+    let question = SocketRequest {
         method: Method::POST,
         path: &path,
         body: Some(&Value::Null),
@@ -142,17 +143,17 @@ fn reset(directory: &Path, drive: &str, yes: bool) -> Result<(), Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
-        .map_err(Failure::failed)?;
+        .map_err(CommandFailure::failed)?;
     let at = socket.display();
     match runtime.block_on(socket::ask(&socket, question, PATIENCE)) {
         Ok((StatusCode::OK, answer)) => {
             print(&format!("{name} was at {}\n", words(&answer["before"])))
         }
-        Ok((StatusCode::NOT_FOUND, answer)) => Err(Failure::wrong(unknown(&answer))),
-        Ok((status, _)) => Err(Failure::failed(format!(
+        Ok((StatusCode::NOT_FOUND, answer)) => Err(CommandFailure::wrong(unknown(&answer))),
+        Ok((status, _)) => Err(CommandFailure::failed(format!(
             "gateway at {at}: it answers {status}"
         ))),
-        Err(reason) => Err(Failure::failed(format!("gateway at {at}: {reason}"))),
+        Err(reason) => Err(CommandFailure::failed(format!("gateway at {at}: {reason}"))),
     }
 }
 
@@ -175,7 +176,7 @@ fn words(sums: &Value) -> String {
 mod tests {
     use super::*;
     use crate::drive::usage::{EnergySource, UsageTotals};
-    use crate::journal::days::{Day, DayUsage};
+    use crate::journal::days::{DayNumber, DayUsage};
     use serde_json::json;
 
     fn day(energy_from: Option<EnergySource>) -> DayRow {
@@ -187,7 +188,7 @@ mod tests {
         };
         DayRow {
             drive: "pump-1".into(),
-            day: Day(20_000),
+            day: DayNumber(20_000),
             usage: DayUsage {
                 totals,
                 energy_from,

@@ -1,6 +1,6 @@
 //! `verify`: whether a drive is set so that it obeys the bus, read from the drive now.
 
-use crate::cli::tools::{Failure, print, setup, socket};
+use crate::cli::tools::{CommandFailure, print, setup, socket};
 
 /// Arguments of `verify`.
 #[derive(Debug, clap::Args)]
@@ -15,8 +15,8 @@ pub struct Args {
 }
 
 /// Prints the settings. It fails unless all of them are right and were answered.
-pub fn verify(args: &Args) -> Result<(), Failure> {
-    let seen = setup::Drive::new(&args.drive, &args.place)?.look()?;
+pub fn verify(args: &Args) -> Result<(), CommandFailure> {
+    let seen = setup::SetupDrive::new(&args.drive, &args.place)?.look()?;
     print(&if args.json {
         format!("{seen}\n")
     } else {

@@ -3,10 +3,10 @@
 
 mod view;
 
-use crate::cli::tools::Failure;
-use crate::cli::tools::client::{Client, NoAnswer};
+use crate::cli::tools::CommandFailure;
+use crate::cli::tools::client::{NoAnswer, UnitClient};
 use crate::cli::tools::log::complain;
-use crate::cli::tools::reading::{ReadRequest, Shown, What};
+use crate::cli::tools::reading::{ReadRequest, ReadSelection, ShownValue};
 use crate::daemon::host::clock;
 use crate::daemon::service::signals::told_to_end;
 use crate::domain::time::MonoTime;
@@ -16,13 +16,13 @@ use std::ops::RangeInclusive;
 use std::pin::pin;
 use std::time::Duration;
 use tokio::time::{MissedTickBehavior, interval};
-use view::View;
+use view::TerminalView;
 
 /// Arguments of `watch`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(flatten)]
-    what: What,
+    what: ReadSelection,
     /// Interval, such as 500ms or 2s
     #[arg(long, value_name = "TIME", default_value = "1s", value_parser = every)]
     every: Duration,
@@ -42,7 +42,7 @@ impl Args {
 
     /// Whether it is a table: on a terminal, unless lines are requested.
     fn is_table(&self) -> bool {
-        !self.plain && !self.all && !self.what.json && View::is_possible()
+        !self.plain && !self.all && !self.what.json && TerminalView::is_possible()
     }
 }
 
@@ -70,14 +70,14 @@ fn every(text: &str) -> Result<Duration, String> {
 
 /// Reads until SIGINT or SIGTERM, or until the output has no reader. A failure is reported once and then retried; only
 /// the first attempt must succeed in connecting.
-pub fn watch(args: &Args) -> Result<(), Failure> {
+pub fn watch(args: &Args) -> Result<(), CommandFailure> {
     let asked = args.what.asked()?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
-        .map_err(Failure::failed)?;
+        .map_err(CommandFailure::failed)?;
     runtime.block_on(async {
-        let mut told = pin!(told_to_end().map_err(Failure::failed)?);
+        let mut told = pin!(told_to_end().map_err(CommandFailure::failed)?);
         let mut reached = tokio::select! {
             () = &mut told => return Ok(()),
             reached = args.what.reach() => reached?,
@@ -91,13 +91,17 @@ pub fn watch(args: &Args) -> Result<(), Failure> {
     })
 }
 
-async fn show(args: &Args, asked: &ReadRequest, client: &mut Client) -> Result<(), Failure> {
+async fn show(
+    args: &Args,
+    asked: &ReadRequest,
+    client: &mut UnitClient,
+) -> Result<(), CommandFailure> {
     let mut ticks = interval(args.every);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     if args.is_table() {
         // Before the terminal is taken, so that an immediate failure can be read.
         let first = asked.read(client).await?;
-        let mut view = View::open(args.what.title())?;
+        let mut view = TerminalView::open(args.what.title())?;
         view.values(first, clock::now());
         loop {
             view.draw(clock::now())?;
@@ -108,7 +112,7 @@ async fn show(args: &Args, asked: &ReadRequest, client: &mut Client) -> Result<(
             }
         }
     }
-    let mut screen = Screen {
+    let mut screen = WatchScreen {
         args,
         begun: clock::now(),
         last: None,
@@ -116,23 +120,27 @@ async fn show(args: &Args, asked: &ReadRequest, client: &mut Client) -> Result<(
     };
     loop {
         ticks.tick().await;
-        if !screen.look(client, asked).await? {
+        if !screen.print_changes(client, asked).await? {
             return Ok(());
         }
     }
 }
 
 /// What was last printed.
-struct Screen<'a> {
+struct WatchScreen<'a> {
     args: &'a Args,
     begun: MonoTime,
-    last: Option<Vec<Shown>>,
+    last: Option<Vec<ShownValue>>,
     complaint: Option<String>,
 }
 
-impl Screen<'_> {
+impl WatchScreen<'_> {
     /// Reads once and prints what has changed. Returns whether the output still has a reader.
-    async fn look(&mut self, client: &mut Client, asked: &ReadRequest) -> Result<bool, Failure> {
+    async fn print_changes(
+        &mut self,
+        client: &mut UnitClient,
+        asked: &ReadRequest,
+    ) -> Result<bool, CommandFailure> {
         match asked.read(client).await {
             Ok(values) => {
                 self.complaint = None;
@@ -143,7 +151,7 @@ impl Screen<'_> {
             Err(NoAnswer::Unreachable(reason))
                 if self.last.is_none() && self.complaint.is_none() =>
             {
-                Err(Failure::failed(reason))
+                Err(CommandFailure::failed(reason))
             }
             Err(error) => {
                 let text = error.to_string();
@@ -156,11 +164,11 @@ impl Screen<'_> {
         }
     }
 
-    fn lines(&self, values: &[Shown]) -> String {
+    fn lines(&self, values: &[ShownValue]) -> String {
         let seconds = clock::now().since(self.begun).as_secs_f64();
         let was = |at: usize| self.last.as_ref().and_then(|last| last.get(at));
-        let is_new = |(at, value): &(usize, &Shown)| self.args.all || was(*at) != Some(*value);
-        let line = |(_, value): (usize, &Shown)| {
+        let is_new = |(at, value): &(usize, &ShownValue)| self.args.all || was(*at) != Some(*value);
+        let line = |(_, value): (usize, &ShownValue)| {
             if !self.args.what.json {
                 return format!("{seconds:9.1} s  {}  {}\n", value.label, value.text());
             }
@@ -173,12 +181,12 @@ impl Screen<'_> {
 }
 
 /// Prints at once. Returns whether the output still has a reader.
-fn put(text: &str) -> Result<bool, Failure> {
+fn put(text: &str) -> Result<bool, CommandFailure> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Ok(()) => Ok(true),
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(false),
-        Err(error) => Err(Failure::failed(error)),
+        Err(error) => Err(CommandFailure::failed(error)),
     }
 }
 

@@ -1,8 +1,8 @@
 //! `watchdog`: shows how a drive monitors its communication, or sets it, after a person has seen old and new values.
 
 use crate::cli::tools::consent::ask_for_consent;
-use crate::cli::tools::setup::{self, outcome, text, word};
-use crate::cli::tools::{Failure, print, socket};
+use crate::cli::tools::setup::{self, outcome, text, word_with_meaning};
+use crate::cli::tools::{CommandFailure, print, socket};
 use crate::toml_file::values::parse_duration;
 use serde_json::Value;
 use std::time::Duration;
@@ -16,7 +16,7 @@ pub struct Args {
     place: socket::SocketArgs,
     /// Set it to this time, such as 5s, or off
     #[arg(long, value_name = "TIME", value_parser = time)]
-    set: Option<Time>,
+    set: Option<WatchdogTime>,
     /// Do not ask
     #[arg(long)]
     yes: bool,
@@ -24,23 +24,23 @@ pub struct Args {
 
 /// What the watchdog is set to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Time {
+enum WatchdogTime {
     Off,
     After(Duration),
 }
 
-fn time(text: &str) -> Result<Time, String> {
+fn time(text: &str) -> Result<WatchdogTime, String> {
     if text.eq_ignore_ascii_case("off") {
-        return Ok(Time::Off);
+        return Ok(WatchdogTime::Off);
     }
     let time = parse_duration(text).filter(|time| !time.is_zero());
-    time.map(Time::After)
+    time.map(WatchdogTime::After)
         .ok_or_else(|| "a time such as 5s or 2500ms, or off, is expected".to_owned())
 }
 
 /// Shows it, or sets it and shows it. It fails unless it is on, or off if that was requested.
-pub fn watchdog(args: &Args) -> Result<(), Failure> {
-    let drive = setup::Drive::new(&args.drive, &args.place)?;
+pub fn watchdog(args: &Args) -> Result<(), CommandFailure> {
+    let drive = setup::SetupDrive::new(&args.drive, &args.place)?;
     let before = drive.look()?;
     let Some(wanted) = args.set else {
         print(&setup::watchdog(&before["watchdog"]))?;
@@ -52,7 +52,7 @@ pub fn watchdog(args: &Args) -> Result<(), Failure> {
     }
     let name = text(&before, "drive");
     let new = called(wanted);
-    let old = word(&before["watchdog"]["found"]);
+    let old = word_with_meaning(&before["watchdog"]["found"]);
     print(&format!(
         "drive {name}, at standstill:\n  {}  {old} -> {new}\n",
         what(&before)
@@ -61,39 +61,53 @@ pub fn watchdog(args: &Args) -> Result<(), Failure> {
         ask_for_consent()?;
     }
     let answer = drive.set_watchdog(match wanted {
-        Time::Off => None,
-        Time::After(time) => Some(time),
+        WatchdogTime::Off => None,
+        WatchdogTime::After(time) => Some(time),
     })?;
     print(&format!("{}\n", outcome(&answer)))?;
     let after = drive.look()?;
     print(&setup::watchdog(&after["watchdog"]))?;
     if !matches!(text(&answer, "outcome"), "confirmed" | "acknowledged") {
-        return Err(Failure::failed(format!("{name}: {}", outcome(&answer))));
+        return Err(CommandFailure::failed(format!(
+            "{name}: {}",
+            outcome(&answer)
+        )));
     }
-    judge(&after, if wanted == Time::Off { "off" } else { "on" })
+    judge(
+        &after,
+        if wanted == WatchdogTime::Off {
+            "off"
+        } else {
+            "on"
+        },
+    )
 }
 
 fn what(seen: &Value) -> &str {
     text(&seen["watchdog"], "what")
 }
 
-fn called(time: Time) -> String {
+fn called(time: WatchdogTime) -> String {
     match time {
-        Time::Off => "off".to_owned(),
-        Time::After(time) => format!("{} s", time.as_secs_f64()),
+        WatchdogTime::Off => "off".to_owned(),
+        WatchdogTime::After(time) => format!("{} s", time.as_secs_f64()),
     }
 }
 
-fn judge(seen: &Value, wanted: &str) -> Result<(), Failure> {
+fn judge(seen: &Value, wanted: &str) -> Result<(), CommandFailure> {
     let name = text(seen, "drive");
     match seen["watchdog"]["state"].as_str() {
         Some(state) if state == wanted => Ok(()),
-        Some("off") => Err(Failure::failed(format!("{name}: its watchdog is off"))),
-        Some("on") => Err(Failure::failed(format!("{name}: its watchdog is on"))),
-        Some(_) => Err(Failure::failed(format!(
+        Some("off") => Err(CommandFailure::failed(format!(
+            "{name}: its watchdog is off"
+        ))),
+        Some("on") => Err(CommandFailure::failed(format!(
+            "{name}: its watchdog is on"
+        ))),
+        Some(_) => Err(CommandFailure::failed(format!(
             "{name}: its watchdog could not be read"
         ))),
-        None => Err(Failure::failed(format!(
+        None => Err(CommandFailure::failed(format!(
             "{name}: no watchdog is known for this model"
         ))),
     }
@@ -106,9 +120,12 @@ mod tests {
 
     #[test]
     fn a_time_has_its_unit() {
-        assert_eq!(time("5s"), Ok(Time::After(Duration::from_secs(5))));
-        assert_eq!(time("2500ms"), Ok(Time::After(Duration::from_millis(2500))));
-        assert_eq!(time("OFF"), Ok(Time::Off));
+        assert_eq!(time("5s"), Ok(WatchdogTime::After(Duration::from_secs(5))));
+        assert_eq!(
+            time("2500ms"),
+            Ok(WatchdogTime::After(Duration::from_millis(2500)))
+        );
+        assert_eq!(time("OFF"), Ok(WatchdogTime::Off));
         assert!(
             ["0s", "5", "-1s", "2.5s", ""]
                 .into_iter()

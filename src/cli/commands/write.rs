@@ -3,15 +3,15 @@
 
 mod start_words;
 
-use crate::cli::tools::client::{Client, LEASE_LEFT, NoAnswer, address, reason};
+use crate::cli::tools::client::{LEASE_LEFT, NoAnswer, UnitClient, address, reason};
 use crate::cli::tools::log::complain;
-use crate::cli::tools::order::{Order, TAKE, frequency};
+use crate::cli::tools::order::{TAKE, WriteOrder, frequency};
 use crate::cli::tools::stopping::{COAST, CONFIRMED, STOP, stop};
-use crate::cli::tools::straight_write::{Straight, arm, extra};
-use crate::cli::tools::target::Target;
+use crate::cli::tools::straight_write::{StraightOptions, arm, extra};
+use crate::cli::tools::target::DriveTarget;
 use crate::cli::tools::told_to_stop::told_to_stop;
-use crate::cli::tools::{Failure, print};
-use crate::domain::address::Table;
+use crate::cli::tools::{CommandFailure, print};
+use crate::domain::address::DataTable;
 use crate::north::modbus::address as map;
 use start_words::models_that_run;
 use std::pin::{Pin, pin};
@@ -29,7 +29,7 @@ const NOT_KNOWN: u16 = u16::MAX;
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(flatten)]
-    target: Target,
+    target: DriveTarget,
     /// Register by its number on the wire (0x0201 or 513); or `run` or `frequency`, with a uniform unit
     register: String,
     /// The word; for `run` one of forward, reverse, stop, coast, reset, release, take; for `frequency` hertz, such as 42.5
@@ -41,7 +41,7 @@ pub struct Args {
     #[arg(long)]
     once: bool,
     #[command(flatten)]
-    straight: Straight,
+    straight: StraightOptions,
 }
 
 impl Args {
@@ -52,15 +52,15 @@ impl Args {
 }
 
 /// Writes. After a run command it renews the lease until SIGINT, SIGTERM or SIGHUP, and then stops the drive.
-pub fn write(args: &Args) -> Result<(), Failure> {
+pub fn write(args: &Args) -> Result<(), CommandFailure> {
     let order = order(args)?;
     if args.once && args.is_straight() && order.makes_run() {
-        return Err(Failure::wrong(
+        return Err(CommandFailure::wrong(
             "a write to a bare port ends at once, and then no one supervises the motor: leave out --once",
         ));
     }
     if let Some(what) = order.starts.as_ref().filter(|_| !args.once) {
-        return Err(Failure::wrong(format!(
+        return Err(CommandFailure::wrong(format!(
             "{} {what}, and no process would stay to hold control: {INSTEAD}",
             order.text
         )));
@@ -68,31 +68,31 @@ pub fn write(args: &Args) -> Result<(), Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
-        .map_err(Failure::failed)?;
+        .map_err(CommandFailure::failed)?;
     runtime.block_on(async {
         // Set up before the first frame, so that no signal leaves a running drive behind.
-        let mut told = pin!(told_to_stop().map_err(Failure::failed)?);
+        let mut told = pin!(told_to_stop().map_err(CommandFailure::failed)?);
         let extra = extra(&args.target, &args.straight, &order)?;
         let mut reached = tokio::select! {
             () = &mut told => return Ok(()),
             reached = args.target.reach(order.is_uniform, &extra) => reached?,
         };
-        let done = carry_out(args, &order, &mut reached.client, told).await;
+        let done = execute(args, &order, &mut reached.client, told).await;
         reached.close().await;
         done
     })
 }
 
-async fn carry_out(
+async fn execute(
     args: &Args,
-    order: &Order,
-    client: &mut Client,
+    order: &WriteOrder,
+    client: &mut UnitClient,
     mut told: Pin<&mut impl Future<Output = ()>>,
-) -> Result<(), Failure> {
+) -> Result<(), CommandFailure> {
     if !(order.makes_run() || order.takes()) || args.once {
         tokio::select! {
             sent = order.send(client) => sent?,
-            () = &mut told => return Err(Failure::failed(order.interrupted())),
+            () = &mut told => return Err(CommandFailure::failed(order.interrupted())),
         }
         if order.makes_run() || order.takes() || order.starts.is_some() {
             complain(b"warning: nothing renews the lease; the drive will run its fail-safe action when it expires\n");
@@ -119,7 +119,7 @@ async fn carry_out(
     ))?;
     let lost = tokio::select! {
         () = &mut told => None,
-        lost = keep(client, ours) => Some(lost),
+        lost = renew_lease(client, ours) => Some(lost),
     };
     match lost {
         None => print(&format!("{}\n", stop(client).await?)),
@@ -143,14 +143,14 @@ const RUN_COMMANDS: [(&str, u16); 7] = [
 ];
 
 /// What the arguments say.
-fn order(args: &Args) -> Result<Order, Failure> {
+fn order(args: &Args) -> Result<WriteOrder, CommandFailure> {
     let register = args.register.as_str();
     let value = args.value.as_str();
     let text = format!("{register} {value}");
     let (address, word) = match register {
         "run" => (map::RUN, run_command(value)?),
         "frequency" => (map::SETPOINT, frequency(value)?),
-        _ => (register_of(args, register)?, word(value)?),
+        _ => (register_of(args, register)?, parse_register_word(value)?),
     };
     let is_uniform = args.uniform || matches!(register, "run" | "frequency");
     let starts = if is_uniform || args.is_straight() {
@@ -158,7 +158,7 @@ fn order(args: &Args) -> Result<Order, Failure> {
     } else {
         starts(args, address, word)?
     };
-    Ok(Order {
+    Ok(WriteOrder {
         address,
         word,
         is_uniform,
@@ -167,14 +167,14 @@ fn order(args: &Args) -> Result<Order, Failure> {
     })
 }
 
-fn run_command(value: &str) -> Result<u16, Failure> {
+fn run_command(value: &str) -> Result<u16, CommandFailure> {
     let names = || RUN_COMMANDS.iter().map(|(name, _)| *name);
     let found = RUN_COMMANDS
         .iter()
         .find(|(name, _)| *name == value)
         .map(|(_, word)| *word);
     found.ok_or_else(|| {
-        Failure::wrong(format!(
+        CommandFailure::wrong(format!(
             "{value} is not a run command; expected one of {}",
             names().collect::<Vec<_>>().join(", ")
         ))
@@ -183,7 +183,7 @@ fn run_command(value: &str) -> Result<u16, Failure> {
 
 /// What `word` at `address` of a unit behind a gateway does if it makes a motor run, or takes it over: by the drive's
 /// own run command, or at a uniform unit that was not given as one.
-fn starts(args: &Args, address: u16, word: u16) -> Result<Option<String>, Failure> {
+fn starts(args: &Args, address: u16, word: u16) -> Result<Option<String>, CommandFailure> {
     let catalog = args.target.catalog()?;
     let models = models_that_run(&catalog, address, word);
     Ok(match (address, word) {
@@ -196,32 +196,32 @@ fn starts(args: &Args, address: u16, word: u16) -> Result<Option<String>, Failur
 }
 
 /// The addressed register; directly on a port also by its name or code.
-fn register_of(args: &Args, register: &str) -> Result<u16, Failure> {
+fn register_of(args: &Args, register: &str) -> Result<u16, CommandFailure> {
     let model = args.target.model()?.filter(|_| !args.uniform);
     let named = model
         .as_ref()
         .and_then(|model| model.register_named(register));
-    if let Some(other) = named.filter(|named| named.address.table() != Table::Holding) {
+    if let Some(other) = named.filter(|named| named.address.table() != DataTable::Holding) {
         let what = format!(
             "{} ({}) is no holding register: `write` writes no other",
             other.name, other.address
         );
-        return Err(Failure::wrong(what));
+        return Err(CommandFailure::wrong(what));
     }
     let named = named.map(|named| named.address.number());
-    named.map_or_else(|| address(register).map_err(Failure::wrong), Ok)
+    named.map_or_else(|| address(register).map_err(CommandFailure::wrong), Ok)
 }
 
-fn word(value: &str) -> Result<u16, Failure> {
+fn parse_register_word(value: &str) -> Result<u16, CommandFailure> {
     address(value).map_err(|_| {
-        Failure::wrong(format!(
+        CommandFailure::wrong(format!(
             "{value} is not a 16-bit word: give a number from 0 to 65535, such as 5000"
         ))
     })
 }
 
 /// Renews the lease, again and again. It returns when the drive no longer runs by our command.
-async fn keep(client: &mut Client, ours: u16) -> Failure {
+async fn renew_lease(client: &mut UnitClient, ours: u16) -> CommandFailure {
     let mut complaint = None;
     loop {
         let wait = match renew(client, ours).await {
@@ -230,14 +230,14 @@ async fn keep(client: &mut Client, ours: u16) -> Failure {
                 renew_after(left)
             }
             Ok(None) => {
-                return Failure::failed(format!(
+                return CommandFailure::failed(format!(
                     "the drive no longer runs by this command{}",
                     reason(client).await
                 ));
             }
             Err(NoAnswer::Exception(code @ (1..=3 | 6))) => {
                 let text = NoAnswer::Exception(code);
-                return Failure::failed(format!(
+                return CommandFailure::failed(format!(
                     "the lease is lost: {text}{}",
                     reason(client).await
                 ));
@@ -259,7 +259,7 @@ async fn keep(client: &mut Client, ours: u16) -> Failure {
 }
 
 /// Renews the lease if our command is still in force; `None` if it is not. Returns the remaining seconds.
-async fn renew(client: &mut Client, ours: u16) -> Result<Option<u16>, NoAnswer> {
+async fn renew(client: &mut UnitClient, ours: u16) -> Result<Option<u16>, NoAnswer> {
     if client.read(map::RUN, 1).await? != [ours] {
         return Ok(None);
     }
@@ -278,7 +278,7 @@ fn renew_after(left: u16) -> Duration {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::profile::model::Role;
+    use crate::profile::model::RegisterRole;
     use clap::Parser;
 
     #[derive(clap::Parser)]
@@ -292,7 +292,7 @@ mod tests {
 
     /// How `write` of `word` to `register` ends if no gateway listens: only what is not refused beforehand gets that
     /// far.
-    fn end_of(register: u16, word: u16, more: &[&str]) -> Failure {
+    fn end_of(register: u16, word: u16, more: &[&str]) -> CommandFailure {
         let register = format!("0x{register:04X}");
         let word = word.to_string();
         let line = [
@@ -311,7 +311,10 @@ mod tests {
             .map(|id| catalog.find(id).unwrap())
         {
             let run = model.run.as_ref().unwrap();
-            let register = model.register_for(Role::RunCommand).unwrap().address;
+            let register = model
+                .register_for(RegisterRole::RunCommand)
+                .unwrap()
+                .address;
             let starts = [Some(&run.forward), run.reverse.as_ref()]
                 .into_iter()
                 .flatten()
@@ -370,7 +373,7 @@ mod tests {
             .map(|id| catalog.find(id).unwrap())
         {
             let register = model
-                .register_for(Role::RunCommand)
+                .register_for(RegisterRole::RunCommand)
                 .unwrap()
                 .address
                 .number();

@@ -1,12 +1,12 @@
 //! The gateway's Modbus TCP client for `read`, `write` and `watch`: one drive by its unit, by address or by the names of
 //! the uniform map.
 
-use super::Failure;
-use crate::domain::address::{Address, Table};
+use super::CommandFailure;
+use crate::domain::address::{Address, DataTable};
 use crate::domain::command::Reason;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::view::RunState;
-use crate::north::modbus::{Limits, address as map};
+use crate::north::modbus::{ConnectionLimits, address as map};
 use std::fmt;
 use std::io;
 use std::os::unix::net::UnixStream as StdUnixStream;
@@ -19,7 +19,7 @@ use tokio_modbus::{ExceptionCode, Slave};
 
 /// Longest wait for a connection, and for an answer: longer than the gateway lets a request wait, so that a drive that does
 /// not answer is not taken for a gateway that is dead.
-const PATIENCE: Duration = Limits::ANSWER_WITHIN.saturating_add(Duration::from_secs(3));
+const PATIENCE: Duration = ConnectionLimits::ANSWER_WITHIN.saturating_add(Duration::from_secs(3));
 
 /// Why there is no answer.
 #[derive(Debug)]
@@ -41,7 +41,7 @@ impl fmt::Display for NoAnswer {
     }
 }
 
-impl From<NoAnswer> for Failure {
+impl From<NoAnswer> for CommandFailure {
     fn from(error: NoAnswer) -> Self {
         Self::failed(error)
     }
@@ -64,14 +64,14 @@ const fn sentence(code: u8) -> &'static str {
 }
 
 /// The path to a gateway.
-pub enum Way {
+pub enum GatewayPath {
     /// Modbus TCP on this host and port.
     Tcp(String, u16),
     /// In this process.
     Own(mpsc::Sender<StdUnixStream>),
 }
 
-impl Way {
+impl GatewayPath {
     async fn connect(&self, unit: Slave) -> io::Result<Context> {
         match self {
             Self::Tcp(host, port) => {
@@ -93,15 +93,15 @@ impl Way {
 }
 
 /// A client of one unit. It connects on its first request, and again after each failure.
-pub struct Client {
-    way: Way,
+pub struct UnitClient {
+    way: GatewayPath,
     unit: u8,
     connection: Option<Context>,
 }
 
-impl Client {
+impl UnitClient {
     /// A client that has not connected yet.
-    pub const fn new(way: Way, unit: u8) -> Self {
+    pub const fn new(way: GatewayPath, unit: u8) -> Self {
         Self {
             way,
             unit,
@@ -129,10 +129,10 @@ impl Client {
         };
         let answer = async {
             match address.table() {
-                Table::Coil => bits(connection.read_coils(number, count).await),
-                Table::Discrete => bits(connection.read_discrete_inputs(number, count).await),
-                Table::Input => connection.read_input_registers(number, count).await,
-                Table::Holding => connection.read_holding_registers(number, count).await,
+                DataTable::Coil => bits(connection.read_coils(number, count).await),
+                DataTable::Discrete => bits(connection.read_discrete_inputs(number, count).await),
+                DataTable::Input => connection.read_input_registers(number, count).await,
+                DataTable::Holding => connection.read_holding_registers(number, count).await,
             }
         };
         let answer = timeout(PATIENCE, answer).await;
@@ -190,8 +190,8 @@ impl Client {
 
     fn place(&self, reason: impl fmt::Display) -> String {
         match &self.way {
-            Way::Tcp(host, port) => format!("gateway at {host}:{port}: {reason}"),
-            Way::Own(_) => format!("gateway of this command: {reason}"),
+            GatewayPath::Tcp(host, port) => format!("gateway at {host}:{port}: {reason}"),
+            GatewayPath::Own(_) => format!("gateway of this command: {reason}"),
         }
     }
 }
@@ -224,15 +224,15 @@ pub struct UniformWord {
     /// Its address.
     pub address: u16,
     /// Its format.
-    pub form: Form,
+    pub form: WordFormat,
 }
 
 /// The format of a word of the uniform map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Form {
+pub enum WordFormat {
     /// A number, `word / scale` in a unit; 65535 if there is none.
     Number(u32, UnitOfMeasure),
-    /// Like [`Form::Number`] in two's complement; 32768 if there is none.
+    /// Like [`WordFormat::Number`] in two's complement; 32768 if there is none.
     Signed(u32, UnitOfMeasure),
     /// A number all values of which are valid.
     Count,
@@ -249,7 +249,7 @@ pub enum Form {
 impl UniformWord {
     /// How many words it takes.
     pub const fn words(self) -> u16 {
-        if matches!(self.form, Form::Wide(..)) {
+        if matches!(self.form, WordFormat::Wide(..)) {
             2
         } else {
             1
@@ -257,7 +257,7 @@ impl UniformWord {
     }
 }
 
-const fn word(name: &'static str, address: u16, form: Form) -> UniformWord {
+const fn uniform_word(name: &'static str, address: u16, form: WordFormat) -> UniformWord {
     UniformWord {
         name,
         address,
@@ -267,57 +267,85 @@ const fn word(name: &'static str, address: u16, form: Form) -> UniformWord {
 
 /// The uniform map: what is read, then what is written and read back.
 pub const UNIFORM: &[UniformWord] = &[
-    word("map_version", 0, Form::Count),
-    word("status", 1, Form::Status),
-    word("run_state", 2, Form::RunState),
-    word("trip_code", 3, Form::Number(1, UnitOfMeasure::None)),
-    word(
+    uniform_word("map_version", 0, WordFormat::Count),
+    uniform_word("status", 1, WordFormat::Status),
+    uniform_word("run_state", 2, WordFormat::RunState),
+    uniform_word("trip_code", 3, WordFormat::Number(1, UnitOfMeasure::None)),
+    uniform_word(
         "output_frequency",
         4,
-        Form::Number(100, UnitOfMeasure::Hertz),
+        WordFormat::Number(100, UnitOfMeasure::Hertz),
     ),
-    word("setpoint", 5, Form::Number(100, UnitOfMeasure::Hertz)),
-    word("current", 6, Form::Number(10, UnitOfMeasure::Ampere)),
-    word("voltage", 7, Form::Number(10, UnitOfMeasure::Volt)),
-    word("dc_voltage", 8, Form::Number(10, UnitOfMeasure::Volt)),
-    word("power", 9, Form::Number(10, UnitOfMeasure::Kilowatt)),
-    word("torque", 10, Form::Signed(10, UnitOfMeasure::Percent)),
-    word("temperature", 11, Form::Signed(10, UnitOfMeasure::Celsius)),
-    word("age", 12, Form::Number(100, UnitOfMeasure::Second)),
-    word("trips", 13, Form::Number(1, UnitOfMeasure::None)),
-    word("last_trip_code", 14, Form::Number(1, UnitOfMeasure::None)),
-    word("status_mask", 15, Form::Status),
-    word("life", 16, Form::Count),
-    word("alarms", 17, Form::Count),
-    word(
+    uniform_word("setpoint", 5, WordFormat::Number(100, UnitOfMeasure::Hertz)),
+    uniform_word("current", 6, WordFormat::Number(10, UnitOfMeasure::Ampere)),
+    uniform_word("voltage", 7, WordFormat::Number(10, UnitOfMeasure::Volt)),
+    uniform_word("dc_voltage", 8, WordFormat::Number(10, UnitOfMeasure::Volt)),
+    uniform_word("power", 9, WordFormat::Number(10, UnitOfMeasure::Kilowatt)),
+    uniform_word("torque", 10, WordFormat::Signed(10, UnitOfMeasure::Percent)),
+    uniform_word(
+        "temperature",
+        11,
+        WordFormat::Signed(10, UnitOfMeasure::Celsius),
+    ),
+    uniform_word("age", 12, WordFormat::Number(100, UnitOfMeasure::Second)),
+    uniform_word("trips", 13, WordFormat::Number(1, UnitOfMeasure::None)),
+    uniform_word(
+        "last_trip_code",
+        14,
+        WordFormat::Number(1, UnitOfMeasure::None),
+    ),
+    uniform_word("status_mask", 15, WordFormat::Status),
+    uniform_word("life", 16, WordFormat::Count),
+    uniform_word("alarms", 17, WordFormat::Count),
+    uniform_word(
         "lease_left",
         LEASE_LEFT,
-        Form::Number(1, UnitOfMeasure::Second),
+        WordFormat::Number(1, UnitOfMeasure::Second),
     ),
-    word("owner", 19, Form::Count),
-    word("min_frequency", 20, Form::Number(100, UnitOfMeasure::Hertz)),
-    word("max_frequency", 21, Form::Number(100, UnitOfMeasure::Hertz)),
-    word("run_hours", 22, Form::Wide(1, UnitOfMeasure::Hour)),
-    word("current_fine", 24, Form::Number(100, UnitOfMeasure::Ampere)),
-    word("power_fine", 25, Form::Number(100, UnitOfMeasure::Kilowatt)),
-    word("capabilities", 26, Form::Capabilities),
-    word(
+    uniform_word("owner", 19, WordFormat::Count),
+    uniform_word(
+        "min_frequency",
+        20,
+        WordFormat::Number(100, UnitOfMeasure::Hertz),
+    ),
+    uniform_word(
+        "max_frequency",
+        21,
+        WordFormat::Number(100, UnitOfMeasure::Hertz),
+    ),
+    uniform_word("run_hours", 22, WordFormat::Wide(1, UnitOfMeasure::Hour)),
+    uniform_word(
+        "current_fine",
+        24,
+        WordFormat::Number(100, UnitOfMeasure::Ampere),
+    ),
+    uniform_word(
+        "power_fine",
+        25,
+        WordFormat::Number(100, UnitOfMeasure::Kilowatt),
+    ),
+    uniform_word("capabilities", 26, WordFormat::Capabilities),
+    uniform_word(
         "energy_used",
         32,
-        Form::Wide(10, UnitOfMeasure::KilowattHour),
+        WordFormat::Wide(10, UnitOfMeasure::KilowattHour),
     ),
-    word("running_hours", 34, Form::Wide(10, UnitOfMeasure::Hour)),
-    word("starts", 36, Form::Wide(1, UnitOfMeasure::None)),
-    word("total_trips", 38, Form::Wide(1, UnitOfMeasure::None)),
-    word("run_command", map::RUN, Form::Count),
-    word(
+    uniform_word(
+        "running_hours",
+        34,
+        WordFormat::Wide(10, UnitOfMeasure::Hour),
+    ),
+    uniform_word("starts", 36, WordFormat::Wide(1, UnitOfMeasure::None)),
+    uniform_word("total_trips", 38, WordFormat::Wide(1, UnitOfMeasure::None)),
+    uniform_word("run_command", map::RUN, WordFormat::Count),
+    uniform_word(
         "frequency_command",
         map::SETPOINT,
-        Form::Number(100, UnitOfMeasure::Hertz),
+        WordFormat::Number(100, UnitOfMeasure::Hertz),
     ),
-    word("outcome", 259, Form::Count),
-    word("commands", 260, Form::Count),
-    word("reason", REASON, Form::Count),
+    uniform_word("outcome", 259, WordFormat::Count),
+    uniform_word("commands", 260, WordFormat::Count),
+    uniform_word("reason", REASON, WordFormat::Count),
 ];
 
 /// Seconds until the lease ends.
@@ -378,7 +406,7 @@ fn bits_of(word: u16, names: &[&'static str]) -> Vec<&'static str> {
 
 /// A decoded value of the uniform map.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Value {
+pub enum DecodedValue {
     /// The drive or its model has none.
     Missing,
     /// A number with its decimals, and its unit.
@@ -391,31 +419,33 @@ pub enum Value {
     Meaning(u16, String),
 }
 
-impl Value {
+impl DecodedValue {
     /// The value of `words`, one or two, in this `form`.
     #[must_use]
-    pub fn understand(form: Form, words: &[u16]) -> Self {
+    pub fn understand(form: WordFormat, words: &[u16]) -> Self {
         let first = words.first().copied().unwrap_or(0);
         let second = words.get(1).copied().unwrap_or(0);
         match form {
-            Form::Number(_, _) if first == u16::MAX => Self::Missing,
-            Form::Number(scale, unit) => Self::Number(first.into(), scale, unit),
-            Form::Signed(_, _) if first == 0x8000 => Self::Missing,
-            Form::Signed(scale, unit) => Self::Number(first.cast_signed().into(), scale, unit),
-            Form::Count => Self::Number(first.into(), 1, UnitOfMeasure::None),
-            Form::Wide(..) if (first, second) == (u16::MAX, u16::MAX) => Self::Missing,
-            Form::Wide(scale, unit) => {
+            WordFormat::Number(_, _) if first == u16::MAX => Self::Missing,
+            WordFormat::Number(scale, unit) => Self::Number(first.into(), scale, unit),
+            WordFormat::Signed(_, _) if first == 0x8000 => Self::Missing,
+            WordFormat::Signed(scale, unit) => {
+                Self::Number(first.cast_signed().into(), scale, unit)
+            }
+            WordFormat::Count => Self::Number(first.into(), 1, UnitOfMeasure::None),
+            WordFormat::Wide(..) if (first, second) == (u16::MAX, u16::MAX) => Self::Missing,
+            WordFormat::Wide(scale, unit) => {
                 Self::Number(i64::from(first) << 16 | i64::from(second), scale, unit)
             }
-            Form::RunState => {
+            WordFormat::RunState => {
                 let state = RUN_STATES.iter().find(|state| state.number() == first);
                 state.map_or(
                     Self::Number(first.into(), 1, UnitOfMeasure::None),
-                    |state| Self::Word(state.word()),
+                    |state| Self::Word(state.keyword()),
                 )
             }
-            Form::Status => Self::Words(bits_of(first, &STATUS_BITS)),
-            Form::Capabilities => Self::Words(bits_of(first, &CAPABILITY_BITS)),
+            WordFormat::Status => Self::Words(bits_of(first, &STATUS_BITS)),
+            WordFormat::Capabilities => Self::Words(bits_of(first, &CAPABILITY_BITS)),
         }
     }
 
@@ -433,7 +463,7 @@ impl Value {
     }
 }
 
-impl fmt::Display for Value {
+impl fmt::Display for DecodedValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Missing => f.write_str("not available"),
@@ -455,7 +485,7 @@ impl fmt::Display for Value {
 }
 
 /// The uniform unit's reason for the last command, to be appended to a message; empty if there is none.
-pub async fn reason(client: &mut Client) -> String {
+pub async fn reason(client: &mut UnitClient) -> String {
     let number = client
         .read(REASON, 1)
         .await
@@ -465,7 +495,13 @@ pub async fn reason(client: &mut Client) -> String {
         .iter()
         .find(|reason| Some(reason.number()) == number && **reason != Reason::None);
     reason
-        .map(|reason| format!("; the gateway notes: {} ({})", reason.text(), reason.word()))
+        .map(|reason| {
+            format!(
+                "; the gateway notes: {} ({})",
+                reason.text(),
+                reason.keyword()
+            )
+        })
         .unwrap_or_default()
 }
 
@@ -486,7 +522,7 @@ mod tests {
     fn uniform_words_are_shown_in_their_units() {
         let shown = |name: &str, words: &[u16]| {
             let word = UNIFORM.iter().find(|word| word.name == name).unwrap();
-            Value::understand(word.form, words).to_string()
+            DecodedValue::understand(word.form, words).to_string()
         };
         assert_eq!(shown("output_frequency", &[4250]), "42.50 Hz");
         assert_eq!(shown("output_frequency", &[65535]), "not available");

@@ -1,6 +1,6 @@
 //! Where a gateway keeps its data, for commands that read it whether the gateway runs or not.
 
-use super::{Failure, input};
+use super::{CommandFailure, input};
 use std::path::PathBuf;
 
 /// The data directory, by itself or by the configuration that names it.
@@ -19,7 +19,7 @@ impl DataDirArgs {
     ///
     /// # Errors
     /// The configuration cannot be read, or names none.
-    pub fn path(&self) -> Result<PathBuf, Failure> {
+    pub fn path(&self) -> Result<PathBuf, CommandFailure> {
         let Some(config) = &self.config else {
             return Ok(self.data_dir.clone());
         };
@@ -27,7 +27,7 @@ impl DataDirArgs {
             .gateway
             .data_dir
             .ok_or_else(|| {
-                Failure::wrong(format!(
+                CommandFailure::wrong(format!(
                     "{}: without `data_dir` in [gateway] there is no journal",
                     config.display()
                 ))

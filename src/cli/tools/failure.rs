@@ -13,18 +13,18 @@ pub(crate) const WRONG_USAGE: u8 = 2;
 
 /// Why a command did not succeed. The message is already for people.
 #[derive(Debug)]
-pub struct Failure {
+pub struct CommandFailure {
     pub(crate) message: String,
     pub(crate) code: u8,
 }
 
-impl Display for Failure {
+impl Display for CommandFailure {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(&self.message)
     }
 }
 
-impl Failure {
+impl CommandFailure {
     /// Something failed while the command ran.
     #[must_use]
     pub fn failed(message: impl Display) -> Self {
@@ -51,13 +51,13 @@ impl Failure {
     }
 }
 
-impl From<NoLine> for Failure {
+impl From<NoLine> for CommandFailure {
     fn from(error: NoLine) -> Self {
         Self::failed(error)
     }
 }
 
-impl From<ScanError> for Failure {
+impl From<ScanError> for CommandFailure {
     fn from(error: ScanError) -> Self {
         Self::failed(error)
     }

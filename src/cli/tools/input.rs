@@ -1,17 +1,17 @@
 //! User-written files: read, and their problems rendered with their place in the text.
 
-use super::Failure;
+use super::CommandFailure;
 use super::output::few;
 use super::own_models::{ModelDirs, OwnModels};
-use crate::config::qualified::Qualified;
+use crate::config::qualified::QualifiedResults;
 use crate::config::{self, Config};
-use crate::daemon::commissioning::Judged;
+use crate::daemon::commissioning::JudgedConfig;
 use crate::daemon::host::user_files;
 use crate::daemon::qualified_file;
 use crate::domain::problem::{Problem, alternatives, nearest_names};
 use crate::profile::catalog::Catalog;
 use crate::profile::model::Model;
-use crate::toml_file::Spanned;
+use crate::toml_file::LocatedValue;
 use crate::vendors;
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 use std::io::IsTerminal;
@@ -22,7 +22,7 @@ use std::sync::Arc;
 ///
 /// # Errors
 /// All problems of all their files, rendered, and what cannot be read.
-pub fn catalog_with(dirs: &ModelDirs) -> Result<Catalog, Failure> {
+pub fn catalog_with(dirs: &ModelDirs) -> Result<Catalog, CommandFailure> {
     joined(&own_models(dirs)?)
 }
 
@@ -30,7 +30,7 @@ pub fn catalog_with(dirs: &ModelDirs) -> Result<Catalog, Failure> {
 ///
 /// # Errors
 /// What cannot be read.
-pub fn own_models(dirs: &ModelDirs) -> Result<OwnModels, Failure> {
+pub fn own_models(dirs: &ModelDirs) -> Result<OwnModels, CommandFailure> {
     let mut own = OwnModels::default();
     let unread: Vec<_> = dirs
         .dirs
@@ -41,7 +41,7 @@ pub fn own_models(dirs: &ModelDirs) -> Result<OwnModels, Failure> {
     if unread.is_empty() {
         Ok(own)
     } else {
-        Err(Failure::wrong(unread.join("\n")))
+        Err(CommandFailure::wrong(unread.join("\n")))
     }
 }
 
@@ -49,12 +49,12 @@ pub fn own_models(dirs: &ModelDirs) -> Result<OwnModels, Failure> {
 ///
 /// # Errors
 /// All problems of all files of `own`, rendered.
-pub fn joined(own: &OwnModels) -> Result<Catalog, Failure> {
-    join(vendors::catalog(), own).map_err(|found| Failure::wrong(drawn(&found)))
+pub fn joined(own: &OwnModels) -> Result<Catalog, CommandFailure> {
+    join(vendors::catalog(), own).map_err(|found| CommandFailure::wrong(drawn(&found)))
 }
 
 /// `catalog` with the models of `own`, or the problems of each file.
-fn join(catalog: Catalog, own: &OwnModels) -> Result<Catalog, Vec<Findings>> {
+fn join(catalog: Catalog, own: &OwnModels) -> Result<Catalog, Vec<FileFindings>> {
     let texts = own
         .files()
         .map(|(path, text)| (path.display().to_string(), text));
@@ -65,7 +65,7 @@ fn join(catalog: Catalog, own: &OwnModels) -> Result<Catalog, Vec<Findings>> {
                 .iter()
                 .filter(|(file, _)| *file == name)
                 .map(|(_, problem)| problem.clone());
-            Findings {
+            FileFindings {
                 path: path.to_owned(),
                 text: text.to_owned(),
                 problems: of_file.collect(),
@@ -77,7 +77,7 @@ fn join(catalog: Catalog, own: &OwnModels) -> Result<Catalog, Vec<Findings>> {
 
 /// The findings in one file.
 #[derive(Clone, Debug)]
-pub struct Findings {
+pub struct FileFindings {
     /// The file.
     pub path: PathBuf,
     /// Its content.
@@ -88,7 +88,7 @@ pub struct Findings {
 
 /// Each file with its problems, rendered.
 #[must_use]
-pub fn drawn(found: &[Findings]) -> String {
+pub fn drawn(found: &[FileFindings]) -> String {
     let drawn: Vec<_> = found
         .iter()
         .map(|it| draw(&it.path, &it.text, &it.problems))
@@ -100,7 +100,7 @@ pub fn drawn(found: &[Findings]) -> String {
 ///
 /// # Errors
 /// There is none; the nearest identifiers are offered. Or see [`catalog_with`].
-pub fn model(id: &str, dirs: &ModelDirs) -> Result<Arc<Model>, Failure> {
+pub fn model(id: &str, dirs: &ModelDirs) -> Result<Arc<Model>, CommandFailure> {
     let catalog = catalog_with(dirs)?;
     catalog
         .find(id)
@@ -112,7 +112,7 @@ pub fn model(id: &str, dirs: &ModelDirs) -> Result<Arc<Model>, Failure> {
 ///
 /// # Errors
 /// As [`model`].
-pub fn model_text(id: &str, dirs: &ModelDirs) -> Result<String, Failure> {
+pub fn model_text(id: &str, dirs: &ModelDirs) -> Result<String, CommandFailure> {
     let catalog = catalog_with(dirs)?;
     catalog.text_of(id).ok_or_else(|| no_model(id, &catalog))
 }
@@ -121,7 +121,7 @@ pub fn model_text(id: &str, dirs: &ModelDirs) -> Result<String, Failure> {
 ///
 /// # Errors
 /// All its problems, a line each.
-pub fn config_of(text: &str, catalog: &Catalog) -> Result<Config, Failure> {
+pub fn config_of(text: &str, catalog: &Catalog) -> Result<Config, CommandFailure> {
     config::load(text, catalog).map_err(|problems| {
         let listed = problems.iter().map(|problem| {
             let right = problem
@@ -131,11 +131,11 @@ pub fn config_of(text: &str, catalog: &Catalog) -> Result<Config, Failure> {
                 .unwrap_or_default();
             format!("{}: {}{right}", problem.key, problem.what)
         });
-        Failure::wrong(listed.collect::<Vec<_>>().join("\n"))
+        CommandFailure::wrong(listed.collect::<Vec<_>>().join("\n"))
     })
 }
 
-fn no_model(id: &str, catalog: &Catalog) -> Failure {
+fn no_model(id: &str, catalog: &Catalog) -> CommandFailure {
     let near: Vec<_> = nearest_names(id, catalog.ids())
         .into_iter()
         .map(str::to_owned)
@@ -144,25 +144,25 @@ fn no_model(id: &str, catalog: &Catalog) -> Failure {
         near if near.is_empty() => "`vfd-gateway models list` shows all of them".to_owned(),
         near => format!("did you mean {near}?"),
     };
-    Failure::wrong(format!("no model is called {id}; {hint}"))
+    CommandFailure::wrong(format!("no model is called {id}; {hint}"))
 }
 
 /// Reads a text file of at most 1 MiB.
 ///
 /// # Errors
 /// The reason of the system or of [`user_files::text`], with the file's name.
-pub fn read(path: &Path) -> Result<String, Failure> {
+pub fn read(path: &Path) -> Result<String, CommandFailure> {
     user_files::text(path, user_files::BYTES_MAX)
-        .map_err(|error| Failure::wrong(format!("{}: {error}", path.display())))
+        .map_err(|error| CommandFailure::wrong(format!("{}: {error}", path.display())))
 }
 
 /// Reads a configuration, and the operator's own models that it names.
 ///
 /// # Errors
 /// All its problems and those of the model files, rendered.
-pub fn configuration(path: &Path) -> Result<Config, Failure> {
+pub fn configuration(path: &Path) -> Result<Config, CommandFailure> {
     let loaded = looked_through(path)?.0;
-    loaded.map_err(|found| Failure::wrong(drawn(&found)))
+    loaded.map_err(|found| CommandFailure::wrong(drawn(&found)))
 }
 
 /// Reads a configuration as [`configuration`] does: its content, or all its problems and those of the model files. Its
@@ -170,11 +170,13 @@ pub fn configuration(path: &Path) -> Result<Config, Failure> {
 ///
 /// # Errors
 /// It cannot be read.
-pub fn looked_through(path: &Path) -> Result<(Result<Config, Vec<Findings>>, String), Failure> {
+pub fn looked_through(
+    path: &Path,
+) -> Result<(Result<Config, Vec<FileFindings>>, String), CommandFailure> {
     let text = read(path)?;
     let built_in = vendors::catalog();
     let (own, mut problems) = own_models_of(&config::model_dirs(&text));
-    let of_this = |problems| Findings {
+    let of_this = |problems| FileFindings {
         path: path.to_owned(),
         text: text.clone(),
         problems,
@@ -200,32 +202,32 @@ pub fn looked_through(path: &Path) -> Result<(Result<Config, Vec<Findings>>, Str
 ///
 /// # Errors
 /// The operator's own models cannot be used.
-pub fn judged(path: &Path, text: &str) -> Result<Judged, Failure> {
+pub fn judged(path: &Path, text: &str) -> Result<JudgedConfig, CommandFailure> {
     let (own, problems) = own_models_of(&config::model_dirs(text));
     if !problems.is_empty() {
-        return Err(Failure::wrong(draw(path, text, &problems)));
+        return Err(CommandFailure::wrong(draw(path, text, &problems)));
     }
     let catalog = joined(&own)?;
     let site = tried_at_site(text);
     let config = config::load_at_site(text, &catalog, site.as_ref().map_err(String::as_str));
-    Ok(Judged { catalog, config })
+    Ok(JudgedConfig { catalog, config })
 }
 
 /// What was tried at the drives of the configuration in `text`: nothing without a data directory or a file in it.
-fn tried_at_site(text: &str) -> Result<Qualified, String> {
+fn tried_at_site(text: &str) -> Result<QualifiedResults, String> {
     config::data_dir(text).map_or_else(
-        || Ok(Qualified::default()),
+        || Ok(QualifiedResults::default()),
         |dir| qualified_file::read(&dir),
     )
 }
 
 /// The model files in `dirs`, each once, and what cannot be read, at the place where the directory is named.
-fn own_models_of(dirs: &[Spanned<PathBuf>]) -> (OwnModels, Vec<Problem>) {
+fn own_models_of(dirs: &[LocatedValue<PathBuf>]) -> (OwnModels, Vec<Problem>) {
     let mut own = OwnModels::default();
     let mut problems = Vec::new();
     for (
         at,
-        Spanned {
+        LocatedValue {
             value: dir,
             location,
         },

@@ -6,9 +6,9 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 /// How often Enter was pressed.
 #[derive(Clone, Debug, Default)]
-pub struct Enter(Arc<AtomicU32>);
+pub struct EnterPresses(Arc<AtomicU32>);
 
-impl Enter {
+impl EnterPresses {
     /// Listens on stdin from now on. The thread exits with stdin or with the program.
     ///
     /// # Errors

@@ -11,7 +11,7 @@ const LINES_MAX: usize = 8192;
 
 /// The format of log lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Format {
+pub enum LogFormat {
     /// For people.
     Text,
     /// One JSON object per line.
@@ -22,30 +22,30 @@ pub enum Format {
 /// the last lines when it is dropped.
 ///
 /// A separate thread writes, so that logging never waits for a reader: lines beyond what the thread holds are lost.
-pub fn start(format: Format, level: &str) -> WorkerGuard {
+pub fn start(format: LogFormat, level: &str) -> WorkerGuard {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
     let (writer, guard) = NonBlockingBuilder::default()
         .lossy(true)
         .buffered_lines_limit(LINES_MAX)
-        .finish(Stderr);
+        .finish(LogOutput);
     let log = tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(writer);
     match format {
-        Format::Text => log
+        LogFormat::Text => log
             .with_ansi(io::stderr().is_terminal())
             .with_target(false)
             .init(),
-        Format::Json => log.json().init(),
+        LogFormat::Json => log.json().init(),
     }
     guard
 }
 
 /// Standard error, and the newest lines for diagnostics; a line that cannot be written is dropped without further effect. Its reader may be gone, and an
 /// error would make the library complain on the same standard error, which panics the thread that logs.
-struct Stderr;
+struct LogOutput;
 
-impl Write for Stderr {
+impl Write for LogOutput {
     fn write(&mut self, line: &[u8]) -> io::Result<usize> {
         complain(line);
         recent_log::own().keep(line);

@@ -28,5 +28,5 @@ pub(super) mod target;
 pub(super) mod told_to_stop;
 pub(super) mod unseen;
 
-pub use failure::Failure;
-pub use output::{Tone, print, toned};
+pub use failure::CommandFailure;
+pub use output::{WordTone, print, toned};

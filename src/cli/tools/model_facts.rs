@@ -3,7 +3,8 @@
 use crate::config;
 use crate::domain::control::ControlAction;
 use crate::profile::model::{
-    Barrier, CodeRule, Confidence, Fact, Link, Model, Quirks, RunCommand, RunForm, Timing,
+    Barrier, CodeRule, Confidence, DriveQuirks, Fact, Model, ModelLink, ModelTiming, RunCommand,
+    RunForm,
 };
 use crate::profile::words::FLAGS;
 use crate::toml_file::words::word_for;
@@ -41,10 +42,10 @@ pub fn orders(model: &Model) -> Result<Vec<OrderWord>, String> {
         // Every controllable drive takes a frequency.
         (BASICS[1], forward),
         (BASICS[2], forward),
-        (ControlAction::Reverse.word(), of(&run.reverse)),
-        (ControlAction::Coast.word(), of(&run.coast)),
-        (ControlAction::Reset.word(), of(&run.reset)),
-        (ControlAction::Release.word(), of(&run.release)),
+        (ControlAction::Reverse.keyword(), of(&run.reverse)),
+        (ControlAction::Coast.keyword(), of(&run.coast)),
+        (ControlAction::Reset.keyword(), of(&run.reset)),
+        (ControlAction::Release.keyword(), of(&run.release)),
     ];
     Ok(all
         .into_iter()
@@ -82,11 +83,11 @@ pub fn orders_text(orders: &Result<Vec<OrderWord>, String>) -> String {
 
 /// The facts of a model that no document of this very model states.
 #[derive(Debug, Default)]
-pub struct Unproven {
+pub struct UnprovenFacts {
     by_confidence: BTreeMap<Confidence, Vec<String>>,
 }
 
-impl Unproven {
+impl UnprovenFacts {
     /// Everything of `model` that is unproven.
     pub fn of(model: &Model) -> Self {
         let mut unproven = Self::default();
@@ -117,7 +118,7 @@ impl Unproven {
             .map(|(confidence, names)| (*confidence, names.as_slice()))
     }
 
-    fn link(&mut self, link: &Link) {
+    fn link(&mut self, link: &ModelLink) {
         self.add("factory setting", &link.default);
         self.add("speeds", &link.bauds);
         self.add("data bits", &link.data_bits);
@@ -129,7 +130,7 @@ impl Unproven {
         self.add_some("broadcast", link.broadcast.as_ref().map(|it| &it.station));
     }
 
-    fn timing(&mut self, timing: &Timing) {
+    fn timing(&mut self, timing: &ModelTiming) {
         self.add("silence between frames", &timing.gap_chars);
         self.add("longest wait for a reply", &timing.reply_timeout_cap);
         self.add_some("longest processing", timing.processing_max.as_ref());
@@ -181,7 +182,7 @@ impl Unproven {
         }
     }
 
-    fn quirks(&mut self, quirks: &Quirks) {
+    fn quirks(&mut self, quirks: &DriveQuirks) {
         self.add_some("decimal numbers", quirks.decimal_numbers.as_ref());
         self.add_some("per cent of rated values", quirks.percent_of_rated.as_ref());
         self.add_some("setpoint before run", quirks.setpoint_before_run.as_ref());
@@ -266,7 +267,7 @@ impl Unproven {
         }
         for word in model.commit.all() {
             self.add(
-                format!("the word to {} parameters", word.value.effect.word()),
+                format!("the word to {} parameters", word.value.effect.keyword()),
                 word,
             );
         }
@@ -296,7 +297,7 @@ impl Unproven {
             if register.confidence.is_proven() {
                 for part in &register.not_stated {
                     self.note(
-                        format!("{} of register `{}`", part.word(), register.name),
+                        format!("{} of register `{}`", part.keyword(), register.name),
                         Confidence::Inferred,
                     );
                 }
@@ -334,11 +335,11 @@ mod tests {
 
     #[test]
     fn all_that_is_unproven_is_found() {
-        let unproven = Unproven::of(&everything());
+        let unproven = UnprovenFacts::of(&everything());
         for word in ["third-party", "sibling", "inferred", "default"] {
             let found = unproven
                 .groups()
-                .find(|(confidence, _)| confidence.word() == word)
+                .find(|(confidence, _)| confidence.keyword() == word)
                 .unwrap()
                 .1;
             let written = EVERYTHING
@@ -362,7 +363,10 @@ mod tests {
         let text = EVERYTHING.replace("confidence = \"manual\"", "confidence = \"sibling\"");
         let written = text.matches("confidence = ").count()
             - text.matches("confidence = \"second-source\"").count();
-        assert_eq!(Unproven::of(&check::model(&text).unwrap()).count(), written);
+        assert_eq!(
+            UnprovenFacts::of(&check::model(&text).unwrap()).count(),
+            written
+        );
     }
 
     #[test]

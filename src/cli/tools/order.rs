@@ -1,7 +1,7 @@
 //! An order of one word to one drive, written and answered for; and the stop after it.
 
-use super::Failure;
-use super::client::{Client, LEASE_LEFT, NoAnswer, reason};
+use super::CommandFailure;
+use super::client::{LEASE_LEFT, NoAnswer, UnitClient, reason};
 use super::stopping::{self, COAST, STOP, stop};
 use crate::domain::frequency::{Hertz, NoFrequency};
 use crate::north::modbus::address as map;
@@ -11,7 +11,7 @@ pub const TAKE: u16 = 6;
 
 /// What is to be written.
 #[derive(Debug, PartialEq, Eq)]
-pub struct Order {
+pub struct WriteOrder {
     /// Address of the register.
     pub address: u16,
     /// The word.
@@ -24,7 +24,7 @@ pub struct Order {
     pub starts: Option<String>,
 }
 
-impl Order {
+impl WriteOrder {
     /// Whether it makes a motor run.
     #[must_use]
     pub fn makes_run(&self) -> bool {
@@ -58,10 +58,11 @@ impl Order {
     ///
     /// # Errors
     /// It is refused, has no effect, or there is no answer.
-    pub async fn send(&self, client: &mut Client) -> Result<(), Failure> {
+    pub async fn send(&self, client: &mut UnitClient) -> Result<(), CommandFailure> {
         if self.stops() {
             let stopped = stopping::confirmed(client, self.word).await;
-            return stopped.map_err(|failure| Failure::failed(format!("{}: {failure}", self.text)));
+            return stopped
+                .map_err(|failure| CommandFailure::failed(format!("{}: {failure}", self.text)));
         }
         match client.write(self.address, self.word).await {
             Ok(()) => Ok(()),
@@ -75,7 +76,7 @@ impl Order {
     ///
     /// # Errors
     /// It is refused, or there is no answer.
-    pub async fn run(&self, client: &mut Client) -> Result<Option<u16>, Failure> {
+    pub async fn run(&self, client: &mut UnitClient) -> Result<Option<u16>, CommandFailure> {
         let error = match client.write(self.address, self.word).await {
             Ok(()) if self.takes() => return self.taken(client).await,
             Ok(()) => return Ok(Some(self.word)),
@@ -88,17 +89,17 @@ impl Order {
             Ok(text) => text,
             Err(failure) => failure.message,
         };
-        Err(Failure::failed(format!(
+        Err(CommandFailure::failed(format!(
             "{}: {error}; it may have been carried out, so it is stopped: {then}",
             self.text
         )))
     }
 
     /// The run command that was taken over with the lease; `None` if no client holds one.
-    async fn taken(&self, client: &mut Client) -> Result<Option<u16>, Failure> {
-        let read = async |client: &mut Client, address| match client.read(address, 1).await {
+    async fn taken(&self, client: &mut UnitClient) -> Result<Option<u16>, CommandFailure> {
+        let read = async |client: &mut UnitClient, address| match client.read(address, 1).await {
             Ok(words) => Ok(words.first().copied().unwrap_or(0)),
-            Err(error) => Err(Failure::failed(format!(
+            Err(error) => Err(CommandFailure::failed(format!(
                 "{}: acknowledged, but then: {error}",
                 self.text
             ))),
@@ -110,12 +111,12 @@ impl Order {
     }
 
     /// The error, for a uniform unit with the reason that the gateway records there.
-    async fn explained(&self, client: &mut Client, error: &NoAnswer) -> Failure {
+    async fn explained(&self, client: &mut UnitClient, error: &NoAnswer) -> CommandFailure {
         let mut text = format!("{}: {error}", self.text);
         if self.is_uniform && matches!(error, NoAnswer::Exception(_)) {
             text.push_str(&reason(client).await);
         }
-        Failure::failed(text)
+        CommandFailure::failed(text)
     }
 }
 
@@ -123,9 +124,9 @@ impl Order {
 ///
 /// # Errors
 /// It is none, or out of range.
-pub fn frequency(value: &str) -> Result<u16, Failure> {
+pub fn frequency(value: &str) -> Result<u16, CommandFailure> {
     let wrong = |what: &dyn std::fmt::Display| {
-        Failure::wrong(format!("{value} is not a frequency such as 42.5: {what}"))
+        CommandFailure::wrong(format!("{value} is not a frequency such as 42.5: {what}"))
     };
     let hertz = Hertz::parse(value).map_err(|error| wrong(&error))?;
     if !hertz.millihertz().is_multiple_of(10) {

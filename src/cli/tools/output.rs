@@ -1,11 +1,11 @@
 //! What a command prints to stdout.
 
-use super::Failure;
+use super::CommandFailure;
 use std::io::IsTerminal;
 
 /// How a word is meant, for its colour on a terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Tone {
+pub enum WordTone {
     /// As it should be.
     Good,
     /// Worth a look.
@@ -16,7 +16,7 @@ pub enum Tone {
 
 /// `word` in the colour of `tone` if stdout is a terminal, unless `NO_COLOR` is set (https://no-color.org).
 #[must_use]
-pub fn toned(tone: Tone, word: &str) -> String {
+pub fn toned(tone: WordTone, word: &str) -> String {
     let is_coloured = std::io::stdout().is_terminal()
         && std::env::var_os("NO_COLOR").is_none_or(|it| it.is_empty());
     if is_coloured {
@@ -26,11 +26,11 @@ pub fn toned(tone: Tone, word: &str) -> String {
     }
 }
 
-fn coloured(tone: Tone, word: &str) -> String {
+fn coloured(tone: WordTone, word: &str) -> String {
     let code = match tone {
-        Tone::Good => 32,
-        Tone::Notice => 33,
-        Tone::Problem => 31,
+        WordTone::Good => 32,
+        WordTone::Notice => 33,
+        WordTone::Problem => 31,
     };
     format!("\x1b[{code}m{word}\x1b[0m")
 }
@@ -50,10 +50,12 @@ pub fn few(names: &[String], most: usize) -> String {
 ///
 /// # Errors
 /// Any other failure to write.
-pub fn print(text: &str) -> Result<(), Failure> {
+pub fn print(text: &str) -> Result<(), CommandFailure> {
     use std::io::Write;
     match std::io::stdout().lock().write_all(text.as_bytes()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::failed(error)),
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(CommandFailure::failed(error))
+        }
         _ => Ok(()),
     }
 }
@@ -64,7 +66,10 @@ mod tests {
 
     #[test]
     fn each_tone_has_its_colour_and_ends_with_its_word() {
-        assert_eq!(coloured(Tone::Good, "up"), "\x1b[32mup\x1b[0m");
-        assert_ne!(coloured(Tone::Notice, "x"), coloured(Tone::Problem, "x"));
+        assert_eq!(coloured(WordTone::Good, "up"), "\x1b[32mup\x1b[0m");
+        assert_ne!(
+            coloured(WordTone::Notice, "x"),
+            coloured(WordTone::Problem, "x")
+        );
     }
 }

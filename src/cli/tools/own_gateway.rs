@@ -2,12 +2,12 @@
 //! same guard as in a running gateway, so that the same rules apply directly on a port. It opens no network port: the tool
 //! commands it over a pair of sockets, and its local socket is in a directory that only its owner may enter.
 
-use super::Failure;
+use super::CommandFailure;
 use super::input;
 use super::link_args::LinkArgs;
 use super::own_models::ModelDirs;
 use crate::config::PortAddress;
-use crate::daemon::exchange::shared::Current;
+use crate::daemon::exchange::shared::CurrentPlant;
 use crate::daemon::http::socket::SOCKET_NAME;
 use crate::daemon::lines::tool_line::ToolPort;
 use crate::daemon::service::run;
@@ -16,9 +16,9 @@ use crate::domain::control::ControlAction;
 use crate::domain::ids::Name;
 use crate::domain::link::{Framing, LinkSettings};
 use crate::domain::report::LineReport;
-use crate::drive::snapshot::Presence;
+use crate::drive::snapshot::DrivePresence;
 use crate::profile::catalog::Catalog;
-use crate::profile::model::{Factory, Model};
+use crate::profile::model::{FactorySetting, Model};
 use crate::toml_file::words::{PARITIES, word_for};
 use serde_json::json;
 use std::fmt::Write;
@@ -94,11 +94,11 @@ impl DriveArgs {
     ///
     /// # Errors
     /// None is given, or there is none of this name.
-    pub fn model(&self) -> Result<Arc<Model>, Failure> {
+    pub fn model(&self) -> Result<Arc<Model>, CommandFailure> {
         let id = self
             .model
             .as_deref()
-            .ok_or_else(|| Failure::wrong("directly on a port, --model is needed"))?;
+            .ok_or_else(|| CommandFailure::wrong("directly on a port, --model is needed"))?;
         input::model(id, &self.own)
     }
 
@@ -106,14 +106,14 @@ impl DriveArgs {
     ///
     /// # Errors
     /// Problems of their files, and what cannot be read.
-    pub fn catalog(&self) -> Result<Catalog, Failure> {
+    pub fn catalog(&self) -> Result<Catalog, CommandFailure> {
         input::catalog_with(&self.own)
     }
 }
 
 /// What the tool may do with the drive, and how often it is read.
 #[derive(Clone, Debug, Default)]
-pub struct Extra {
+pub struct ToolAccess {
     /// The control section, without its head; `None`: nothing may be written.
     pub control: String,
     /// It may start the motor, or change its setpoint.
@@ -126,7 +126,7 @@ pub struct Extra {
     pub poll: Option<Duration>,
 }
 
-impl Extra {
+impl ToolAccess {
     /// A control section under which nothing ever moves, but parameters may be set at standstill.
     #[must_use]
     pub fn control_at_rest() -> String {
@@ -148,7 +148,7 @@ pub fn control(limits_hz: (f64, f64), direction: &str, on_shutdown: &str) -> Str
 /// A gateway that exits with its tool.
 #[derive(Debug)]
 pub struct OwnGateway {
-    directory: Directory,
+    directory: PrivateDirectory,
     connections: mpsc::Sender<UnixStream>,
     drive: Name,
     station: u8,
@@ -158,14 +158,14 @@ pub struct OwnGateway {
 
 /// A directory that only its owner may enter, removed on drop.
 #[derive(Debug)]
-pub struct Directory(PathBuf);
+pub struct PrivateDirectory(PathBuf);
 
-impl Directory {
+impl PrivateDirectory {
     /// A new, empty directory.
     ///
     /// # Errors
     /// It cannot be made.
-    pub fn new() -> Result<Self, Failure> {
+    pub fn new() -> Result<Self, CommandFailure> {
         static COUNT: AtomicU32 = AtomicU32::new(0);
         let of_session = std::env::var_os("XDG_RUNTIME_DIR")
             .map(PathBuf::from)
@@ -174,7 +174,7 @@ impl Directory {
         let name = format!("vfd-gateway-tool-{}-{number}", std::process::id());
         let path = of_session.unwrap_or_else(std::env::temp_dir).join(name);
         let made = std::fs::DirBuilder::new().mode(0o700).create(&path);
-        made.map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
+        made.map_err(|error| CommandFailure::failed(format!("{}: {error}", path.display())))?;
         Ok(Self(path))
     }
 
@@ -185,7 +185,7 @@ impl Directory {
     }
 }
 
-impl Drop for Directory {
+impl Drop for PrivateDirectory {
     fn drop(&mut self) {
         // Leftovers do no harm.
         let _ = std::fs::remove_dir_all(&self.0);
@@ -200,13 +200,13 @@ impl OwnGateway {
     pub async fn start(
         port: &PortAddress,
         args: &DriveArgs,
-        extra: &Extra,
-    ) -> Result<Self, Failure> {
+        extra: &ToolAccess,
+    ) -> Result<Self, CommandFailure> {
         let model = args.model()?;
         let station = args
             .station
-            .ok_or_else(|| Failure::wrong("directly on a port, --station is needed"))?;
-        let directory = Directory::new()?;
+            .ok_or_else(|| CommandFailure::wrong("directly on a port, --station is needed"))?;
+        let directory = PrivateDirectory::new()?;
         let link = if port.is_serial_line() {
             link_of(args, &model)?
         } else {
@@ -217,7 +217,7 @@ impl OwnGateway {
         let line = config
             .lines
             .first()
-            .ok_or_else(|| Failure::failed("no line"))?;
+            .ok_or_else(|| CommandFailure::failed("no line"))?;
         let drive = line
             .drives
             .first()
@@ -235,16 +235,20 @@ impl OwnGateway {
         let thread = std::thread::Builder::new()
             .name("gateway".to_owned())
             .spawn(move || {
-                run::run_for_tool(&config, made, async move |running: &run::Running<'_>| {
-                    // The waiting task may have exited.
-                    let _ = shows.send(running.shared.clone());
-                    let _ = ends.await;
-                })
+                run::run_for_tool(
+                    &config,
+                    made,
+                    async move |running: &run::RunningInfo<'_>| {
+                        // The waiting task may have exited.
+                        let _ = shows.send(running.shared.clone());
+                        let _ = ends.await;
+                    },
+                )
             });
-        let thread = thread.map_err(Failure::failed)?;
+        let thread = thread.map_err(CommandFailure::failed)?;
         let told = tokio::time::timeout(STARTS_WITHIN, shown).await;
         let Ok(Ok(current)) = told else {
-            return Err(Failure::failed(why_not_started(thread)));
+            return Err(CommandFailure::failed(why_not_started(thread)));
         };
         let own = Self {
             directory,
@@ -261,7 +265,7 @@ impl OwnGateway {
             } else {
                 String::new()
             };
-            return Err(Failure::failed(format!(
+            return Err(CommandFailure::failed(format!(
                 "station {station} on {port}{at}: {why}"
             )));
         }
@@ -313,7 +317,7 @@ fn why_not_started(thread: JoinHandle<Result<(), StartError>>) -> String {
 }
 
 /// Waits until the drive has answered.
-async fn answers(current: &Current) -> Result<(), String> {
+async fn answers(current: &CurrentPlant) -> Result<(), String> {
     let until = Instant::now() + ANSWERS_WITHIN;
     loop {
         let shared = current.get();
@@ -321,11 +325,11 @@ async fn answers(current: &Current) -> Result<(), String> {
             .drives
             .first()
             .map(|drive| drive.view.load().snapshot.presence);
-        if presence == Some(Presence::Online) {
+        if presence == Some(DrivePresence::Online) {
             return Ok(());
         }
         let report = shared.lines.first().map(|line| line.report());
-        if presence == Some(Presence::Offline) || Instant::now() >= until {
+        if presence == Some(DrivePresence::Offline) || Instant::now() >= until {
             let down = report.as_ref().and_then(LineReport::down_reason);
             let why = down.or_else(|| Some(report?.suspicion?.to_string()));
             return Err(format!(
@@ -338,7 +342,7 @@ async fn answers(current: &Current) -> Result<(), String> {
 }
 
 /// The settings of the line: as given, else as the model leaves the factory.
-fn link_of(args: &DriveArgs, model: &Model) -> Result<LinkSettings, Failure> {
+fn link_of(args: &DriveArgs, model: &Model) -> Result<LinkSettings, CommandFailure> {
     let framing = if args.ascii {
         Framing::Ascii
     } else {
@@ -349,15 +353,15 @@ fn link_of(args: &DriveArgs, model: &Model) -> Result<LinkSettings, Failure> {
         (args.baud, args.link.parity(), args.link.stop_bits),
         |part: &str| {
             let why = match &model.link.default.value {
-                Factory::Ask(text) => {
+                FactorySetting::Ask(text) => {
                     format!("the factory setting of {} is not known: {text}", model.id)
                 }
-                Factory::Set(settings) => format!(
+                FactorySetting::Set(settings) => format!(
                     "{} leaves the factory with ASCII frames at {settings}",
                     model.id
                 ),
             };
-            Failure::wrong(format!("{part} is needed; {why}"))
+            CommandFailure::wrong(format!("{part} is needed; {why}"))
         },
     );
     Ok(LinkSettings {
@@ -378,9 +382,9 @@ fn link_of(args: &DriveArgs, model: &Model) -> Result<LinkSettings, Failure> {
 }
 
 /// Over Modbus TCP there are no settings of a line.
-fn no_link_of(args: &DriveArgs) -> Result<LinkSettings, Failure> {
+fn no_link_of(args: &DriveArgs) -> Result<LinkSettings, CommandFailure> {
     if args.baud.is_some() || args.link.is_given() || args.ascii || args.echo {
-        return Err(Failure::wrong(
+        return Err(CommandFailure::wrong(
             "Modbus TCP has no speed, characters or echo: leave these options out",
         ));
     }
@@ -394,7 +398,7 @@ fn text(
     link: LinkSettings,
     station: u8,
     model: &Model,
-    extra: &Extra,
+    extra: &ToolAccess,
     data_dir: &Path,
 ) -> String {
     let mut text = format!(
@@ -460,8 +464,8 @@ fn text(
 
 /// The accepted unproven facts: those that the user names. If nothing can be moved, the facts that a stop rests on need
 /// not be named.
-fn accepted(model: &Model, extra: &Extra) -> Vec<String> {
-    let basic = ControlAction::Basic.word();
+fn accepted(model: &Model, extra: &ToolAccess) -> Vec<String> {
+    let basic = ControlAction::Basic.keyword();
     let needs_no_naming = !extra.moves && !model.unproven_basics().is_empty();
     let mut words = extra.accept_unverified.clone();
     if needs_no_naming && !words.iter().any(|word| word == basic) {
@@ -480,7 +484,7 @@ mod tests {
         let port = PortAddress::Device(PathBuf::from("/dev/ttyUSB0"));
         for model in catalog.ids().map(|id| catalog.find(id).unwrap()) {
             let commands = control((5.0, 50.0), "forward", "stop");
-            let basic = ControlAction::Basic.word().to_owned();
+            let basic = ControlAction::Basic.keyword().to_owned();
             let unproven = if model.unproven_basics().is_empty() {
                 Vec::new()
             } else {
@@ -488,7 +492,7 @@ mod tests {
             };
             let ways = [
                 (String::new(), false),
-                (Extra::control_at_rest(), false),
+                (ToolAccess::control_at_rest(), false),
                 (commands, true),
             ];
             let full_scale_hz = model.needs_full_scale().then_some(50.0);
@@ -502,7 +506,7 @@ mod tests {
             {
                 let poll = (!control.is_empty()).then_some(Duration::from_millis(500));
                 let accept_unverified = if moves { unproven.clone() } else { Vec::new() };
-                let extra = Extra {
+                let extra = ToolAccess {
                     control,
                     moves,
                     accept_unverified,

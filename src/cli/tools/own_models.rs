@@ -27,14 +27,14 @@ pub struct OwnModels {
 
 /// Something that cannot be read.
 #[derive(Debug)]
-pub struct Unread {
+pub struct UnreadableModel {
     /// The path and the reason.
     pub what: String,
     /// What would be correct.
     pub right: &'static str,
 }
 
-impl Unread {
+impl UnreadableModel {
     fn new(path: &Path, reason: impl Display, right: &'static str) -> Self {
         Self {
             what: format!("{}: {reason}", path.display()),
@@ -48,16 +48,26 @@ impl OwnModels {
     /// create such.
     ///
     /// Everything that cannot be read is returned; the rest is loaded.
-    pub fn read_dir(&mut self, dir: &Path) -> Vec<Unread> {
+    pub fn read_dir(&mut self, dir: &Path) -> Vec<UnreadableModel> {
         let paths = match model_files(dir) {
             Ok(paths) => paths,
-            Err(error) => return vec![Unread::new(dir, error, "a directory that can be read")],
+            Err(error) => {
+                return vec![UnreadableModel::new(
+                    dir,
+                    error,
+                    "a directory that can be read",
+                )];
+            }
         };
         let mut unread = Vec::new();
         for path in paths {
             if self.files.len() >= FILES_MAX {
                 let reason = format!("there are more than {FILES_MAX} model files");
-                unread.push(Unread::new(&path, reason, "only the models that are used"));
+                unread.push(UnreadableModel::new(
+                    &path,
+                    reason,
+                    "only the models that are used",
+                ));
                 break;
             }
             match text_of(&path) {
@@ -72,7 +82,7 @@ impl OwnModels {
     ///
     /// # Errors
     /// It cannot be read, or is too long.
-    pub fn read_file(&mut self, path: &Path) -> Result<(), Unread> {
+    pub fn read_file(&mut self, path: &Path) -> Result<(), UnreadableModel> {
         let text = text_of(path)?;
         let place = fs::canonicalize(path).ok();
         self.files
@@ -105,10 +115,12 @@ fn model_files(dir: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
-fn text_of(path: &Path) -> Result<String, Unread> {
+fn text_of(path: &Path) -> Result<String, UnreadableModel> {
     user_files::text(path, BYTES_MAX).map_err(|error| match error.kind() {
-        io::ErrorKind::FileTooLarge => Unread::new(path, error, "a description of one drive model"),
-        _ => Unread::new(path, error, "a text file that can be read"),
+        io::ErrorKind::FileTooLarge => {
+            UnreadableModel::new(path, error, "a description of one drive model")
+        }
+        _ => UnreadableModel::new(path, error, "a text file that can be read"),
     })
 }
 

@@ -1,10 +1,12 @@
 //! The certificate of the page: a local authority, and what it issues.
 
-use super::Failure;
+use super::CommandFailure;
 pub use crate::daemon::host::authority::CERTIFICATE_DAYS_MAX;
-use crate::daemon::host::authority::{self, Authority, Facts, Issued};
+use crate::daemon::host::authority::{
+    self, CertificateAuthority, CertificateFacts, IssuedCertificate,
+};
 use crate::daemon::host::user_files::{self, BYTES_MAX};
-use crate::daemon::host::whole_files::{self, Readers};
+use crate::daemon::host::whole_files::{self, FileReaders};
 use crate::daemon::host::{clock, pem_files};
 use crate::domain::calendar;
 use crate::domain::time::WallTime;
@@ -26,7 +28,7 @@ const AUTHORITY_KEY: &str = "authority.key";
 pub const PAGE: &str = "page.pem";
 
 /// Makes a certificate for this host in `dir`, for a page on `port`, and returns what is to be done with it.
-pub fn make_certificate(dir: &Path, names: &[String], port: u16) -> Result<String, Failure> {
+pub fn make_certificate(dir: &Path, names: &[String], port: u16) -> Result<String, CommandFailure> {
     let now = clock::wall();
     let names = if names.is_empty() {
         own_names()
@@ -43,18 +45,18 @@ pub fn renewed(
     now: WallTime,
     days: i64,
     port: u16,
-) -> Result<String, Failure> {
+) -> Result<String, CommandFailure> {
     make_directory(dir)?;
     let (authority, own) = open_or_generate(dir, names, now)?;
     let page = issue(&authority, &own, names, now, days)?;
     let file = dir.join(PAGE);
-    whole_files::replace(&file, page.as_bytes(), Readers::Group)
+    whole_files::replace(&file, page.as_bytes(), FileReaders::Group)
         .map_err(|error| at(&file, error))?;
     report(dir, port, names, last_or_fail(&file)?.until)
 }
 
 /// Facts of the certificate in `file`; `None` if there is no such file.
-pub fn last(file: &Path) -> Result<Option<Facts>, Failure> {
+pub fn last(file: &Path) -> Result<Option<CertificateFacts>, CommandFailure> {
     if !file.try_exists().map_err(|error| at(file, error))? {
         Ok(None)
     } else {
@@ -62,15 +64,15 @@ pub fn last(file: &Path) -> Result<Option<Facts>, Failure> {
     }
 }
 
-fn last_or_fail(file: &Path) -> Result<Facts, Failure> {
-    let chain = pem_files::certificates(file).map_err(Failure::failed)?;
+fn last_or_fail(file: &Path) -> Result<CertificateFacts, CommandFailure> {
+    let chain = pem_files::certificates(file).map_err(CommandFailure::failed)?;
     let leaf = chain
         .first()
         .ok_or_else(|| at(file, "it contains no certificate"))?;
     authority::facts(leaf).map_err(|error| at(file, error))
 }
 
-fn make_directory(dir: &Path) -> Result<(), Failure> {
+fn make_directory(dir: &Path) -> Result<(), CommandFailure> {
     match std::fs::DirBuilder::new().mode(0o750).create(dir) {
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Ok(()),
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
@@ -89,14 +91,14 @@ fn open_or_generate(
     dir: &Path,
     names: &[String],
     now: WallTime,
-) -> Result<(Authority, String), Failure> {
+) -> Result<(CertificateAuthority, String), CommandFailure> {
     let file = dir.join(AUTHORITY);
     let key_file = dir.join(AUTHORITY_KEY);
     let certificate = match user_files::text(&file, BYTES_MAX) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return generate(dir, names, now),
         read => read.map_err(|error| at(&file, error))?,
     };
-    let own = pem_files::certificates(&file).map_err(Failure::failed)?;
+    let own = pem_files::certificates(&file).map_err(CommandFailure::failed)?;
     let own = own
         .first()
         .ok_or_else(|| at(&file, "it contains no certificate"))?;
@@ -111,37 +113,46 @@ fn open_or_generate(
         )
     })?;
     let authority =
-        Authority::from_pem(&certificate, &key).map_err(|error| at(&key_file, error))?;
+        CertificateAuthority::from_pem(&certificate, &key).map_err(|error| at(&key_file, error))?;
     Ok((authority, certificate))
 }
 
-fn generate(dir: &Path, names: &[String], now: WallTime) -> Result<(Authority, String), Failure> {
+fn generate(
+    dir: &Path,
+    names: &[String],
+    now: WallTime,
+) -> Result<(CertificateAuthority, String), CommandFailure> {
     let title = format!(
         "vfd-gateway authority of {}",
         names.first().map_or("this host", String::as_str)
     );
-    let (authority, issued) = Authority::generate(&title, names, now).map_err(Failure::wrong)?;
+    let (authority, issued) =
+        CertificateAuthority::generate(&title, names, now).map_err(CommandFailure::wrong)?;
     // A name that cannot be certified leaves nothing behind.
-    authority.issue(names, now, 1).map_err(Failure::wrong)?;
+    authority
+        .issue(names, now, 1)
+        .map_err(CommandFailure::wrong)?;
     let key_file = dir.join(AUTHORITY_KEY);
     let file = dir.join(AUTHORITY);
     // The key first: an authority without one could never renew.
-    whole_files::create(&key_file, issued.key.as_bytes(), Readers::Owner)
+    whole_files::create(&key_file, issued.key.as_bytes(), FileReaders::Owner)
         .map_err(|error| at(&key_file, error))?;
-    whole_files::create(&file, issued.certificate.as_bytes(), Readers::All)
+    whole_files::create(&file, issued.certificate.as_bytes(), FileReaders::All)
         .map_err(|error| at(&file, error))?;
     Ok((authority, issued.certificate))
 }
 
 /// The file of the page.
 fn issue(
-    authority: &Authority,
+    authority: &CertificateAuthority,
     own: &str,
     names: &[String],
     now: WallTime,
     days: i64,
-) -> Result<String, Failure> {
-    let Issued { certificate, key } = authority.issue(names, now, days).map_err(Failure::wrong)?;
+) -> Result<String, CommandFailure> {
+    let IssuedCertificate { certificate, key } = authority
+        .issue(names, now, days)
+        .map_err(CommandFailure::wrong)?;
     Ok(format!("{key}{certificate}{own}"))
 }
 
@@ -170,7 +181,12 @@ fn own_address() -> Option<IpAddr> {
         .filter(|address| !address.is_loopback())
 }
 
-fn report(dir: &Path, port: u16, names: &[String], until: WallTime) -> Result<String, Failure> {
+fn report(
+    dir: &Path,
+    port: u16,
+    names: &[String],
+    until: WallTime,
+) -> Result<String, CommandFailure> {
     let dir = dir.canonicalize().unwrap_or_else(|_| dir.to_path_buf());
     let file = dir.join(PAGE);
     let own = last_or_fail(&dir.join(AUTHORITY))?;
@@ -215,8 +231,8 @@ fn host(names: &[String]) -> String {
 }
 
 /// `text` as a QR code of block characters, for a terminal with a dark background. Phones read both.
-fn code(text: &str) -> Result<String, Failure> {
-    let code = QrCode::new(text).map_err(Failure::failed)?;
+fn code(text: &str) -> Result<String, CommandFailure> {
+    let code = QrCode::new(text).map_err(CommandFailure::failed)?;
     Ok(code
         .render::<Dense1x2>()
         .dark_color(Dense1x2::Light)
@@ -224,6 +240,6 @@ fn code(text: &str) -> Result<String, Failure> {
         .build())
 }
 
-fn at(file: &Path, what: impl Display) -> Failure {
-    Failure::failed(format!("{}: {what}", file.display()))
+fn at(file: &Path, what: impl Display) -> CommandFailure {
+    CommandFailure::failed(format!("{}: {what}", file.display()))
 }

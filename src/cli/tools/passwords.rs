@@ -1,6 +1,6 @@
 //! Passwords: a terminal that does not show them, and their hash.
 
-use super::Failure;
+use super::CommandFailure;
 use crate::north::operator::password::{PASSWORD_CHARS, StoredHash};
 use ring::rand::{SecureRandom, SystemRandom};
 use rustix::termios::{
@@ -15,25 +15,25 @@ pub const CTRL_C: u8 = 3;
 ///
 /// # Errors
 /// It is too short or too long.
-pub fn hashed(password: &str) -> Result<StoredHash, Failure> {
+pub fn hashed(password: &str) -> Result<StoredHash, CommandFailure> {
     let mut salt = [0; 16];
     SystemRandom::new()
         .fill(&mut salt)
-        .map_err(|_| Failure::failed("no random numbers from the system"))?;
+        .map_err(|_| CommandFailure::failed("no random numbers from the system"))?;
     StoredHash::make(password, &salt).ok_or_else(|| {
         let least = PASSWORD_CHARS.start();
         let most = PASSWORD_CHARS.end();
-        Failure::wrong(format!("a password has {least} to {most} characters"))
+        CommandFailure::wrong(format!("a password has {least} to {most} characters"))
     })
 }
 
 /// A terminal that echoes only the ends of lines, until this is dropped.
-pub struct Silence<'t> {
+pub struct SilentTerminal<'t> {
     terminal: &'t Stdin,
     before: Termios,
 }
 
-impl<'t> Silence<'t> {
+impl<'t> SilentTerminal<'t> {
     /// Silences `terminal`.
     ///
     /// # Errors
@@ -54,7 +54,7 @@ impl<'t> Silence<'t> {
     }
 }
 
-impl Drop for Silence<'_> {
+impl Drop for SilentTerminal<'_> {
     fn drop(&mut self) {
         // A terminal that is gone echoes nothing any more.
         let _ = tcsetattr(self.terminal, OptionalActions::Flush, &self.before);

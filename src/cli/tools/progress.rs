@@ -10,14 +10,14 @@ const WIDTH: usize = 30;
 
 /// One line with a bar.
 #[derive(Debug)]
-pub struct Bar {
+pub struct ProgressBar {
     all: usize,
     done: usize,
     what: String,
     is_terminal: bool,
 }
 
-impl Bar {
+impl ProgressBar {
     /// A bar with this many steps.
     #[must_use]
     pub fn new(all: usize) -> Self {
@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn a_bar_fills_from_left_to_right_and_no_further() {
-        let mut bar = Bar {
+        let mut bar = ProgressBar {
             all: 4,
             done: 0,
             what: "9600 8N1".to_owned(),
@@ -120,7 +120,7 @@ mod tests {
             bar.text()
         );
         assert!(
-            Bar {
+            ProgressBar {
                 all: 0,
                 done: 0,
                 what: String::new(),

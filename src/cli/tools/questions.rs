@@ -1,7 +1,7 @@
 //! Questions on the terminal, each asked until its answer can be used. Answers may also come from a pipe, a line each.
 
-use super::passwords::Silence;
-use super::{Failure, print};
+use super::passwords::SilentTerminal;
+use super::{CommandFailure, print};
 use crate::domain::link::{LinkSettings, Parity};
 use rustix::termios::isatty;
 use std::io::{BufRead, Write};
@@ -13,33 +13,33 @@ const LINE_BYTES_MAX: u64 = 1024;
 const CANCELLED: &str = "\u{3}";
 
 /// The person who answers.
-pub struct Questions<R> {
+pub struct PersonQuestions<R> {
     input: R,
 }
 
-impl<R: BufRead> Questions<R> {
+impl<R: BufRead> PersonQuestions<R> {
     /// Answers come from `input`.
     pub const fn new(input: R) -> Self {
         Self { input }
     }
 
     /// The answer to `question`, without spaces around it; empty if only Enter was pressed.
-    pub fn ask(&mut self, question: &str) -> Result<String, Failure> {
+    pub fn ask(&mut self, question: &str) -> Result<String, CommandFailure> {
         print(&format!("{question}: "))?;
-        std::io::stdout().flush().map_err(Failure::failed)?;
+        std::io::stdout().flush().map_err(CommandFailure::failed)?;
         let mut line = Vec::new();
         let mut limited = std::io::Read::take(&mut self.input, LINE_BYTES_MAX);
         if limited
             .read_until(b'\n', &mut line)
-            .map_err(Failure::failed)?
+            .map_err(CommandFailure::failed)?
             == 0
         {
-            return Err(Failure::failed(format!(
+            return Err(CommandFailure::failed(format!(
                 "\nthe input ended before \"{question}\" was answered; nothing was written"
             )));
         }
-        let line =
-            String::from_utf8(line).map_err(|_| Failure::wrong("the answer is not valid UTF-8"))?;
+        let line = String::from_utf8(line)
+            .map_err(|_| CommandFailure::wrong("the answer is not valid UTF-8"))?;
         Ok(line.trim().to_owned())
     }
 
@@ -48,7 +48,7 @@ impl<R: BufRead> Questions<R> {
         &mut self,
         question: &str,
         mut parse: impl FnMut(&str) -> Result<T, String>,
-    ) -> Result<T, Failure> {
+    ) -> Result<T, CommandFailure> {
         loop {
             match parse(&self.ask(question)?) {
                 Ok(value) => return Ok(value),
@@ -65,9 +65,10 @@ impl<R: BufRead> Questions<R> {
         question: &str,
         default: Option<&str>,
         mut parse: impl FnMut(&str) -> Result<T, String>,
-    ) -> Result<T, Failure> {
+    ) -> Result<T, CommandFailure> {
         if let Some(text) = given {
-            return parse(text.trim()).map_err(|why| Failure::wrong(format!("{flag}: {why}")));
+            return parse(text.trim())
+                .map_err(|why| CommandFailure::wrong(format!("{flag}: {why}")));
         }
         let shown = match default {
             None | Some("") => question.to_owned(),
@@ -83,10 +84,10 @@ impl<R: BufRead> Questions<R> {
     }
 
     /// A password, which the terminal does not show.
-    pub fn secret(&mut self, question: &str) -> Result<String, Failure> {
+    pub fn secret(&mut self, question: &str) -> Result<String, CommandFailure> {
         let stdin = std::io::stdin();
         let silence = if isatty(&stdin) {
-            Some(Silence::begin(&stdin).map_err(Failure::failed)?)
+            Some(SilentTerminal::begin(&stdin).map_err(CommandFailure::failed)?)
         } else {
             None
         };
@@ -96,11 +97,11 @@ impl<R: BufRead> Questions<R> {
             text => Ok(Some(text.to_owned())),
         });
         drop(silence);
-        answer?.ok_or_else(|| Failure::failed("nothing was written"))
+        answer?.ok_or_else(|| CommandFailure::failed("nothing was written"))
     }
 
     /// Text that must not be empty unless there is a `default`.
-    pub fn text(&mut self, question: &str, default: &str) -> Result<String, Failure> {
+    pub fn text(&mut self, question: &str, default: &str) -> Result<String, CommandFailure> {
         let shown = if default.is_empty() {
             question.to_owned()
         } else {
@@ -114,7 +115,7 @@ impl<R: BufRead> Questions<R> {
     }
 
     /// Yes or no; Enter is `default`.
-    pub fn yes(&mut self, question: &str, default: bool) -> Result<bool, Failure> {
+    pub fn yes(&mut self, question: &str, default: bool) -> Result<bool, CommandFailure> {
         let choice = if default { "Y/n" } else { "y/N" };
         self.ask_until(&format!("{question} [{choice}]"), |answer| {
             yes_or_no(answer, default)
@@ -123,7 +124,7 @@ impl<R: BufRead> Questions<R> {
 }
 
 /// An address or a word, in decimal or as 0x2000 or 2000H.
-pub fn word(text: &str) -> Result<u16, String> {
+pub fn parse_word(text: &str) -> Result<u16, String> {
     let hex = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X"));
     let hex = hex.or_else(|| text.strip_suffix('H').or_else(|| text.strip_suffix('h')));
     let parsed = match hex {
@@ -141,7 +142,7 @@ pub fn word(text: &str) -> Result<u16, String> {
 pub fn address_and_place(text: &str) -> Result<Option<(u16, Option<String>)>, String> {
     match with_place(text) {
         ("", _) => Ok(None),
-        (first, place) => Ok(Some((word(first)?, place))),
+        (first, place) => Ok(Some((parse_word(first)?, place))),
     }
 }
 
@@ -211,10 +212,12 @@ mod tests {
 
     #[test]
     fn addresses_are_read_as_manuals_print_them() {
-        assert_eq!(word("0x2000"), Ok(0x2000));
-        assert_eq!(word("2000H"), Ok(0x2000));
-        assert_eq!(word("8192"), Ok(8192));
-        assert!(word("2000G").is_err() && word("65536").is_err() && word("").is_err());
+        assert_eq!(parse_word("0x2000"), Ok(0x2000));
+        assert_eq!(parse_word("2000H"), Ok(0x2000));
+        assert_eq!(parse_word("8192"), Ok(8192));
+        assert!(
+            parse_word("2000G").is_err() && parse_word("65536").is_err() && parse_word("").is_err()
+        );
         let with = address_and_place("0x2101 table 9-3").unwrap();
         assert_eq!(with, Some((0x2101, Some("table 9-3".to_owned()))));
         assert_eq!(address_and_place("0x2101"), Ok(Some((0x2101, None))));
@@ -248,7 +251,7 @@ mod tests {
 
     #[test]
     fn a_question_is_asked_until_it_is_answered() {
-        let mut questions = Questions::new(&b"x\n\ny\n"[..]);
+        let mut questions = PersonQuestions::new(&b"x\n\ny\n"[..]);
         assert!(
             questions.yes("really", false).is_ok_and(|it| !it),
             "Enter after a wrong answer is the default"

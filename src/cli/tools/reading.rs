@@ -1,19 +1,19 @@
 //! What `read` and `watch` are to read, and its values for people and programs.
 
-use super::Failure;
-use super::client::{Client, NoAnswer, UNIFORM, UniformWord, Value, address};
-use super::own_gateway::Extra;
-use super::target::{Reached, Target};
-use crate::domain::address::Table;
+use super::CommandFailure;
+use super::client::{DecodedValue, NoAnswer, UNIFORM, UniformWord, UnitClient, address};
+use super::own_gateway::ToolAccess;
+use super::target::{DriveTarget, ReachedDrive};
+use crate::domain::address::DataTable;
 use crate::domain::problem::nearest;
 use crate::profile::model::{Model, Register};
 use serde_json::json;
 
 /// The selection for `read` and `watch` alike.
 #[derive(Debug, clap::Args)]
-pub struct What {
+pub struct ReadSelection {
     #[command(flatten)]
-    pub target: Target,
+    pub target: DriveTarget,
     /// Register by its number on the wire (0x0101 or 257); with `--uniform` or directly on a port also by its name or code
     /// (A60, also where the model has no such register but a rule for codes), or omitted for all of them
     #[arg(required_unless_present_any = ["uniform", "station"])]
@@ -39,12 +39,12 @@ pub enum ReadRequest {
     Registers(Vec<Register>),
 }
 
-impl What {
+impl ReadSelection {
     /// What the arguments request.
     ///
     /// # Errors
     /// Neither a number nor a known name.
-    pub fn asked(&self) -> Result<ReadRequest, Failure> {
+    pub fn asked(&self) -> Result<ReadRequest, CommandFailure> {
         if let Some(model) = self.target.model()?
             && !self.uniform
         {
@@ -62,12 +62,12 @@ impl What {
             Ok(first) if first.checked_add(self.count - 1).is_some() => {
                 Ok(ReadRequest::Numbers(first, self.count))
             }
-            Ok(first) => Err(Failure::wrong(format!(
+            Ok(first) => Err(CommandFailure::wrong(format!(
                 "{} registers from {first} on pass the last one",
                 self.count
             ))),
-            Err(_) if self.uniform => Err(Failure::wrong(no_name(register))),
-            Err(error) => Err(Failure::wrong(
+            Err(_) if self.uniform => Err(CommandFailure::wrong(no_name(register))),
+            Err(error) => Err(CommandFailure::wrong(
                 match UNIFORM.iter().find(|word| word.name == register) {
                     Some(_) => format!("{error}; names are those of uniform units: add --uniform"),
                     None => error,
@@ -77,9 +77,9 @@ impl What {
     }
 }
 
-impl What {
+impl ReadSelection {
     /// What they request directly on a port, where the model gives names: without one, what a gateway would poll.
-    fn asked_of(&self, model: &Model) -> Result<ReadRequest, Failure> {
+    fn asked_of(&self, model: &Model) -> Result<ReadRequest, CommandFailure> {
         let readable = |register: &&Register| register.access.can_read();
         let Some(wanted) = &self.register else {
             let polled = model
@@ -97,14 +97,15 @@ impl What {
         {
             return Ok(ReadRequest::Registers(vec![register.clone()]));
         }
-        if let Some(register) = named.filter(|register| register.address.table() != Table::Holding)
+        if let Some(register) =
+            named.filter(|register| register.address.table() != DataTable::Holding)
         {
             let what = if register.access.can_read() {
                 "is read alone, without --count"
             } else {
                 "cannot be read"
             };
-            return Err(Failure::wrong(format!(
+            return Err(CommandFailure::wrong(format!(
                 "{} ({}) {what}",
                 register.name, register.address
             )));
@@ -126,11 +127,11 @@ impl What {
             let hint = nearest(wanted, names)
                 .map(|near| format!("; did you mean {near}?"))
                 .unwrap_or_default();
-            Failure::wrong(format!("{error}, or a name or code of {}{hint}", model.id))
+            CommandFailure::wrong(format!("{error}, or a name or code of {}{hint}", model.id))
         })?;
         match first.checked_add(self.count - 1) {
             Some(_) => Ok(ReadRequest::Numbers(first, self.count)),
-            None => Err(Failure::wrong(format!(
+            None => Err(CommandFailure::wrong(format!(
                 "{} registers from {first} on pass the last one",
                 self.count
             ))),
@@ -146,7 +147,7 @@ impl What {
     ///
     /// # Errors
     /// The arguments do not go together, or directly on a port the drive does not answer.
-    pub async fn reach(&self) -> Result<Reached, Failure> {
+    pub async fn reach(&self) -> Result<ReachedDrive, CommandFailure> {
         self.target.reach(self.uniform, &self.extra()).await
     }
 
@@ -157,12 +158,12 @@ impl What {
     }
 
     /// What a gateway of our own has to do for this: uniform words are based on what is polled.
-    fn extra(&self) -> Extra {
-        Extra {
+    fn extra(&self) -> ToolAccess {
+        ToolAccess {
             poll: self
                 .uniform
                 .then_some(std::time::Duration::from_millis(250)),
-            ..Extra::default()
+            ..ToolAccess::default()
         }
     }
 }
@@ -177,15 +178,15 @@ fn no_name(register: &str) -> String {
 
 /// One value as it is printed.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Shown {
+pub struct ShownValue {
     /// Its name or number.
     pub label: String,
     address: u16,
     words: Vec<u16>,
-    value: Option<Value>,
+    value: Option<DecodedValue>,
 }
 
-impl Shown {
+impl ShownValue {
     /// One word of an unknown register.
     #[cfg(test)]
     pub fn word(label: &str, address: u16, word: u16) -> Self {
@@ -204,12 +205,12 @@ impl Shown {
         let first = words.first().copied().unwrap_or_default();
         let meaning = register
             .meaning(first)
-            .map(|text| Value::Meaning(first, text.to_owned()));
+            .map(|text| DecodedValue::Meaning(first, text.to_owned()));
         let number = register
             .value(|address| address.word_in(register.address, &words))
             .and_then(|value| {
                 let (raw, scale) = value.fraction();
-                Some(Value::Number(
+                Some(DecodedValue::Number(
                     raw,
                     u32::try_from(scale).ok()?,
                     register.unit,
@@ -252,7 +253,7 @@ impl Shown {
         if let Some(value) = &self.value {
             json["name"] = self.label.as_str().into();
             json["value"] = value.json();
-            if let Value::Number(_, _, unit) = value {
+            if let DecodedValue::Number(_, _, unit) = value {
                 json["unit"] = unit.symbol().into();
             }
         }
@@ -265,12 +266,12 @@ impl ReadRequest {
     ///
     /// # Errors
     /// The first failure; no partial result is returned.
-    pub async fn read(&self, client: &mut Client) -> Result<Vec<Shown>, NoAnswer> {
+    pub async fn read(&self, client: &mut UnitClient) -> Result<Vec<ShownValue>, NoAnswer> {
         match self {
             Self::Numbers(first, count) => {
                 let words = client.read(*first, *count).await?;
                 let addresses = *first..=u16::MAX;
-                let shown = |(address, word)| Shown {
+                let shown = |(address, word)| ShownValue {
                     label: format!("0x{address:04X}"),
                     address,
                     words: vec![word],
@@ -285,7 +286,7 @@ impl ReadRequest {
                         .read_from(register.address, register.form.words())
                         .await
                     {
-                        Ok(words) => values.push(Shown::of_model(register, words)),
+                        Ok(words) => values.push(ShownValue::of_model(register, words)),
                         // What the drive does not have must not hide what it has.
                         Err(NoAnswer::Exception(1..=4)) if registers.len() > 1 => {}
                         Err(error) => return Err(error),
@@ -301,8 +302,8 @@ impl ReadRequest {
                         Err(NoAnswer::Exception(2)) if names.len() > 1 => continue,
                         read => read?,
                     };
-                    let value = Some(Value::understand(word.form, &words));
-                    values.push(Shown {
+                    let value = Some(DecodedValue::understand(word.form, &words));
+                    values.push(ShownValue {
                         label: word.name.to_owned(),
                         address: word.address,
                         words,

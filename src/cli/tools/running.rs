@@ -1,7 +1,7 @@
 //! Runs the gateway in this process, for `run`, and for `init` at its end.
 
-use super::{Failure, input};
-use crate::daemon::service::reload::Load;
+use super::{CommandFailure, input};
+use crate::daemon::service::reload::ConfigOrigin;
 use crate::daemon::service::run as daemon;
 use crate::daemon::service::signals::told_to_end;
 use rustix::system::uname;
@@ -9,14 +9,14 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Runs the gateway with the configuration in `file` until SIGINT or SIGTERM.
-pub fn run(file: &Path) -> Result<(), Failure> {
+pub fn run(file: &Path) -> Result<(), CommandFailure> {
     let config = input::configuration(file)?;
     let read_from = file.to_owned();
     let read = move || input::configuration(&read_from).map_err(|failure| failure.to_string());
     let judged_in = file.to_owned();
     let judge =
         move |text: &str| input::judged(&judged_in, text).map_err(|failure| failure.to_string());
-    let load = Load {
+    let load = ConfigOrigin {
         file: file.to_owned(),
         read: Arc::new(read),
         judge: Arc::new(judge),
@@ -50,6 +50,6 @@ pub fn run(file: &Path) -> Result<(), Failure> {
         told.await;
         tracing::info!("shutdown requested");
     });
-    started.map_err(Failure::failed)?;
-    end.map_err(Failure::failed)
+    started.map_err(CommandFailure::failed)?;
+    end.map_err(CommandFailure::failed)
 }

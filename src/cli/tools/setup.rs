@@ -1,7 +1,7 @@
 //! The settings that a drive needs to obey the bus, as the running gateway reads them, in text for people.
 
-use super::Failure;
-use super::socket::{self, Question};
+use super::CommandFailure;
+use super::socket::{self, SocketRequest};
 use crate::domain::ids::Name;
 use crate::domain::problem::nearest;
 use axum::http::{Method, StatusCode};
@@ -14,26 +14,26 @@ use std::time::Duration;
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// One drive behind the gateway's socket.
-pub struct Drive {
+pub struct SetupDrive {
     path: String,
     watchdog_path: String,
     socket: PathBuf,
     runtime: tokio::runtime::Runtime,
 }
 
-impl Drive {
+impl SetupDrive {
     /// The drive called `name`.
     ///
     /// # Errors
     /// No drive can have this name, or there is no socket to ask.
-    pub fn new(name: &str, place: &socket::SocketArgs) -> Result<Self, Failure> {
+    pub fn new(name: &str, place: &socket::SocketArgs) -> Result<Self, CommandFailure> {
         let name = Name::new(name)
-            .ok_or_else(|| Failure::wrong(format!("`{name}` is not a valid drive name")))?;
+            .ok_or_else(|| CommandFailure::wrong(format!("`{name}` is not a valid drive name")))?;
         let socket = place.path()?;
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
             .build()
-            .map_err(Failure::failed)?;
+            .map_err(CommandFailure::failed)?;
         let path = |what: &str| format!("/api/v1/drives/{name}/{what}");
         Ok(Self {
             path: path("setup"),
@@ -47,17 +47,17 @@ impl Drive {
     ///
     /// # Errors
     /// There is no such drive, or the gateway does not answer.
-    pub fn look(&self) -> Result<Value, Failure> {
-        self.ask(Question::look(&self.path))
+    pub fn look(&self) -> Result<Value, CommandFailure> {
+        self.ask(SocketRequest::get(&self.path))
     }
 
     /// Sets the registers at `addresses`, and returns the outcome.
     ///
     /// # Errors
     /// There is no such drive, or the gateway does not answer.
-    pub fn set(&self, addresses: &[u16]) -> Result<Value, Failure> {
+    pub fn set(&self, addresses: &[u16]) -> Result<Value, CommandFailure> {
         let body = json!({ "addresses": addresses });
-        self.ask(Question {
+        self.ask(SocketRequest {
             method: Method::POST,
             path: &self.path,
             body: Some(&body),
@@ -68,28 +68,28 @@ impl Drive {
     ///
     /// # Errors
     /// There is no such drive, or the gateway does not answer.
-    pub fn set_watchdog(&self, time: Option<Duration>) -> Result<Value, Failure> {
+    pub fn set_watchdog(&self, time: Option<Duration>) -> Result<Value, CommandFailure> {
         let body = json!({ "time_ms": time.map(|time| u64::try_from(time.as_millis()).unwrap_or(u64::MAX)) });
-        self.ask(Question {
+        self.ask(SocketRequest {
             method: Method::POST,
             path: &self.watchdog_path,
             body: Some(&body),
         })
     }
 
-    fn ask(&self, question: Question<'_>) -> Result<Value, Failure> {
+    fn ask(&self, question: SocketRequest<'_>) -> Result<Value, CommandFailure> {
         let at = self.socket.display();
         match self
             .runtime
             .block_on(socket::ask(&self.socket, question, PATIENCE))
         {
             Ok((StatusCode::OK, answer)) => Ok(answer),
-            Ok((StatusCode::NOT_FOUND, answer)) => Err(Failure::wrong(unknown(&answer))),
-            Ok((_, answer)) => Err(Failure::failed(format!(
+            Ok((StatusCode::NOT_FOUND, answer)) => Err(CommandFailure::wrong(unknown(&answer))),
+            Ok((_, answer)) => Err(CommandFailure::failed(format!(
                 "gateway at {at}: {}",
                 outcome(&answer)
             ))),
-            Err(reason) => Err(Failure::failed(format!("gateway at {at}: {reason}"))),
+            Err(reason) => Err(CommandFailure::failed(format!("gateway at {at}: {reason}"))),
         }
     }
 }
@@ -164,7 +164,7 @@ pub fn report(setup: &Value) -> String {
 ///
 /// # Errors
 /// Anything is wrong.
-pub fn judge(setup: &Value) -> Result<(), Failure> {
+pub fn judge(setup: &Value) -> Result<(), CommandFailure> {
     if setup["right"] == true {
         return Ok(());
     }
@@ -174,7 +174,7 @@ pub fn judge(setup: &Value) -> Result<(), Failure> {
     let wrong = count("wrong") + usize::from(is_another_drive(setup));
     let silent =
         count("not_answered") + usize::from(is_watchdog_silent) + usize::from(is_identity_silent);
-    Err(Failure::failed(format!(
+    Err(CommandFailure::failed(format!(
         "{}: {wrong} wrong, {silent} not answered",
         text(setup, "drive")
     )))
@@ -192,7 +192,7 @@ fn row(item: &Value) -> [String; 5] {
         .as_array()
         .into_iter()
         .flatten()
-        .map(word)
+        .map(word_with_meaning)
         .collect();
     let result = match text(item, "result") {
         "right" => "ok".to_owned(),
@@ -203,7 +203,7 @@ fn row(item: &Value) -> [String; 5] {
     let found = if item["found"].is_null() {
         "-".to_owned()
     } else {
-        format!("found {}", word(&item["found"]))
+        format!("found {}", word_with_meaning(&item["found"]))
     };
     let wanted = format!("wanted {}", wanted.join(" or "));
     [
@@ -253,7 +253,7 @@ fn identity(identity: &Value, model: &str) -> String {
 
 /// The word that was found, also without the bits that do not count.
 fn found_as(identity: &Value) -> String {
-    let found = format!("found {}", word(&identity["found"]));
+    let found = format!("found {}", word_with_meaning(&identity["found"]));
     match (identity["found"]["raw"].as_u64(), identity["mask"].as_u64()) {
         (Some(raw), Some(mask)) if mask != 0xFFFF => {
             format!("{found}, of which {} counts", raw & mask)
@@ -299,12 +299,12 @@ fn watchdog_as_found(watchdog: &Value) -> String {
             let action = if action.is_null() {
                 String::new()
             } else {
-                format!(", then {}", word(action))
+                format!(", then {}", word_with_meaning(action))
             };
             format!(
                 "the drive's own watchdog ({}): {}{action}\n",
                 text(watchdog, "what"),
-                word(&watchdog["found"])
+                word_with_meaning(&watchdog["found"])
             )
         }
         Some(_) => format!(
@@ -327,7 +327,7 @@ fn exception(answer: &Value) -> String {
 }
 
 /// A word with its meaning.
-pub fn word(word: &Value) -> String {
+pub fn word_with_meaning(word: &Value) -> String {
     let raw = word["raw"]
         .as_u64()
         .map_or_else(|| "?".to_owned(), |raw| raw.to_string());

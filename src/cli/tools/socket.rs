@@ -1,6 +1,6 @@
 //! The running gateway's HTTP interface for the program's commands: over the socket in its data directory.
 
-use super::{Failure, input};
+use super::{CommandFailure, input};
 use crate::daemon::http::socket::SOCKET_NAME;
 use axum::body::{Body, Bytes, to_bytes};
 use axum::http::{Method, Request, StatusCode, header};
@@ -42,7 +42,7 @@ impl SocketArgs {
     ///
     /// # Errors
     /// The configuration cannot be read, or names no data directory.
-    pub fn path(&self) -> Result<PathBuf, Failure> {
+    pub fn path(&self) -> Result<PathBuf, CommandFailure> {
         self.config
             .as_deref()
             .map_or_else(|| Ok(self.socket.clone()), socket_of)
@@ -50,10 +50,10 @@ impl SocketArgs {
 }
 
 /// The socket of the gateway that runs with the configuration at `path`.
-fn socket_of(path: &Path) -> Result<PathBuf, Failure> {
+fn socket_of(path: &Path) -> Result<PathBuf, CommandFailure> {
     let config = input::configuration(path)?;
     let directory = config.gateway.data_dir.ok_or_else(|| {
-        Failure::wrong(format!(
+        CommandFailure::wrong(format!(
             "{}: without `data_dir` in [gateway] there is no socket",
             path.display()
         ))
@@ -62,7 +62,7 @@ fn socket_of(path: &Path) -> Result<PathBuf, Failure> {
 }
 
 /// A request: without a body for a GET, else with JSON text.
-pub struct Question<'q> {
+pub struct SocketRequest<'q> {
     /// The method.
     pub method: Method,
     /// The path.
@@ -71,10 +71,10 @@ pub struct Question<'q> {
     pub body: Option<&'q Value>,
 }
 
-impl<'q> Question<'q> {
+impl<'q> SocketRequest<'q> {
     /// A GET of `path`.
     #[must_use]
-    pub const fn look(path: &'q str) -> Self {
+    pub const fn get(path: &'q str) -> Self {
         Self {
             method: Method::GET,
             path,
@@ -89,7 +89,7 @@ impl<'q> Question<'q> {
 /// Why there is no answer, for people.
 pub async fn ask(
     socket: &Path,
-    question: Question<'_>,
+    question: SocketRequest<'_>,
     patience: Duration,
 ) -> Result<(StatusCode, Value), String> {
     within(patience, async {
@@ -131,7 +131,7 @@ pub fn unreachable(error: std::io::Error) -> String {
 pub async fn exchange(
     stream: impl AsyncRead + AsyncWrite + Unpin + Send + 'static,
     host: &str,
-    question: Question<'_>,
+    question: SocketRequest<'_>,
 ) -> Result<(StatusCode, Value), String> {
     let path = question.path;
     let (status, body) = exchange_bytes(stream, host, question).await?;
@@ -149,12 +149,12 @@ pub async fn exchange(
 pub async fn exchange_bytes(
     stream: impl AsyncRead + AsyncWrite + Unpin + Send + 'static,
     host: &str,
-    question: Question<'_>,
+    question: SocketRequest<'_>,
 ) -> Result<(StatusCode, Bytes), String> {
     fn text(error: impl Display) -> String {
         error.to_string()
     }
-    let Question { method, path, body } = question;
+    let SocketRequest { method, path, body } = question;
     let (mut sender, connection) = http1::handshake(TokioIo::new(stream)).await.map_err(text)?;
     tokio::spawn(connection);
     let body = body.map_or_else(Body::empty, |body| Body::from(body.to_string()));

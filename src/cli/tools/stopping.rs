@@ -1,7 +1,7 @@
 //! A stop by a tool: it is sent until the drive acknowledges it, and then watched until the drive shows its effect.
 
-use super::Failure;
-use super::client::{Client, NoAnswer, reason};
+use super::CommandFailure;
+use super::client::{NoAnswer, UnitClient, reason};
 use crate::north::modbus::address as map;
 use crate::north::modbus::uniform::{alarm, bit};
 use std::time::Duration;
@@ -34,7 +34,7 @@ const MAY_RUN: &str = "the motor may still run: go to the drive";
 ///
 /// # Errors
 /// It does not, or the gateway cannot be reached: in words.
-pub async fn acknowledged(client: &mut Client, word: u16) -> Result<(), Failure> {
+pub async fn acknowledged(client: &mut UnitClient, word: u16) -> Result<(), CommandFailure> {
     let mut tries = 1;
     loop {
         let error = match client.write(map::RUN, word).await {
@@ -47,7 +47,7 @@ pub async fn acknowledged(client: &mut Client, word: u16) -> Result<(), Failure>
             } else {
                 String::new()
             };
-            return Err(Failure::failed(format!(
+            return Err(CommandFailure::failed(format!(
                 "{}{notes}; {MAY_RUN}",
                 unacknowledged(&error)
             )));
@@ -70,7 +70,7 @@ fn unacknowledged(error: &NoAnswer) -> String {
 ///
 /// # Errors
 /// It is not acknowledged or shows no effect, or the gateway cannot be reached: in words.
-pub async fn confirmed(client: &mut Client, word: u16) -> Result<(), Failure> {
+pub async fn confirmed(client: &mut UnitClient, word: u16) -> Result<(), CommandFailure> {
     acknowledged(client, word).await?;
     let until = Instant::now() + EFFECT_WITHIN;
     loop {
@@ -88,7 +88,7 @@ pub async fn confirmed(client: &mut Client, word: u16) -> Result<(), Failure> {
             ),
             Err(error) => format!("but its effect cannot be seen: {error}"),
         };
-        return Err(Failure::failed(format!(
+        return Err(CommandFailure::failed(format!(
             "THE STOP IS NOT CONFIRMED: it is acknowledged, {why}; {MAY_RUN}"
         )));
     }
@@ -98,7 +98,7 @@ pub async fn confirmed(client: &mut Client, word: u16) -> Result<(), Failure> {
 ///
 /// # Errors
 /// As of [`confirmed`].
-pub async fn stop(client: &mut Client) -> Result<String, Failure> {
+pub async fn stop(client: &mut UnitClient) -> Result<String, CommandFailure> {
     confirmed(client, STOP).await?;
     Ok(format!("the stop is {CONFIRMED}"))
 }
@@ -116,12 +116,12 @@ enum Shown {
     Silence,
 }
 
-async fn shown(client: &mut Client) -> Result<Shown, NoAnswer> {
+async fn shown(client: &mut UnitClient) -> Result<Shown, NoAnswer> {
     let status = word(client, STATUS).await?;
     Ok(shown_by(status, word(client, ALARMS).await?))
 }
 
-async fn word(client: &mut Client, address: u16) -> Result<u16, NoAnswer> {
+async fn word(client: &mut UnitClient, address: u16) -> Result<u16, NoAnswer> {
     Ok(client.read(address, 1).await?.first().copied().unwrap_or(0))
 }
 

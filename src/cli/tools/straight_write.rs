@@ -1,16 +1,16 @@
 //! What `write` needs besides its order if there is no gateway: limits, and permissions.
 
-use super::Failure;
-use super::client::{Client, NoAnswer, reason};
+use super::CommandFailure;
+use super::client::{NoAnswer, UnitClient, reason};
 use super::log::complain;
-use super::order::{Order, frequency};
-use super::own_gateway::{Extra, control};
+use super::order::{WriteOrder, frequency};
+use super::own_gateway::{ToolAccess, control};
 use super::stopping::{STOP, acknowledged};
-use super::target::Target;
+use super::target::DriveTarget;
 use crate::domain::command::Reason;
 use crate::domain::control::ControlAction;
 use crate::north::modbus::address as map;
-use crate::profile::model::{Basic, Model, ParameterKind};
+use crate::profile::model::{BasicFact, Model, ParameterKind};
 use std::time::Duration;
 use tokio::time::{Instant, sleep};
 
@@ -26,7 +26,7 @@ const WARNING: &str = "directly on a port: if this program is killed or the cabl
 
 /// Options that apply only directly on a port.
 #[derive(Clone, Debug, Default, clap::Args)]
-pub struct Straight {
+pub struct StraightOptions {
     /// Directly on a port, for `run` and `frequency`: frequencies that are allowed, in Hz, such as 5-50
     #[arg(long, value_name = "MIN-MAX", value_parser = limits)]
     limits: Option<(f64, f64)>,
@@ -38,7 +38,7 @@ pub struct Straight {
     accept_unverified: Vec<String>,
 }
 
-impl Straight {
+impl StraightOptions {
     /// This frequency in Hz before `run`, and nothing else.
     #[must_use]
     pub fn with_frequency(hz: &str) -> Self {
@@ -68,38 +68,42 @@ pub(crate) fn limits(text: &str) -> Result<(f64, f64), String> {
 ///
 /// # Errors
 /// Limits are missing, or the register is one that commands are written to.
-pub fn extra(target: &Target, straight: &Straight, order: &Order) -> Result<Extra, Failure> {
+pub fn extra(
+    target: &DriveTarget,
+    straight: &StraightOptions,
+    order: &WriteOrder,
+) -> Result<ToolAccess, CommandFailure> {
     let Some(model) = target.model()? else {
         let is_given = straight.limits.is_some()
             || straight.frequency.is_some()
             || !straight.accept_unverified.is_empty();
         let what = "--limits, --frequency and --accept-unverified are for a port: a gateway has its own limits";
         return if is_given {
-            Err(Failure::wrong(what))
+            Err(CommandFailure::wrong(what))
         } else {
-            Ok(Extra::default())
+            Ok(ToolAccess::default())
         };
     };
     if !order.is_uniform {
         let register = model.register_at(order.address);
         if register.is_some_and(|it| it.parameter_kind() == ParameterKind::Command) {
-            return Err(Failure::wrong(
+            return Err(CommandFailure::wrong(
                 "commands are not written as words: use `run` or `frequency`",
             ));
         }
         let native_write = vec![order.address];
-        return Ok(Extra {
-            control: Extra::control_at_rest(),
+        return Ok(ToolAccess {
+            control: ToolAccess::control_at_rest(),
             native_write,
             poll: Some(POLL),
-            ..Extra::default()
+            ..ToolAccess::default()
         });
     }
     let moves = order.makes_run() || order.address == map::SETPOINT;
     let limits = match straight.limits {
         Some(limits) => limits,
         None if moves => {
-            return Err(Failure::wrong(
+            return Err(CommandFailure::wrong(
                 "directly on a port, --limits is needed, such as --limits 5-50",
             ));
         }
@@ -117,7 +121,7 @@ pub fn extra(target: &Target, straight: &Straight, order: &Order) -> Result<Extr
     if moves {
         basics_are_accepted(&model, &accept_unverified)?;
     }
-    Ok(Extra {
+    Ok(ToolAccess {
         control,
         moves,
         accept_unverified,
@@ -127,14 +131,14 @@ pub fn extra(target: &Target, straight: &Straight, order: &Order) -> Result<Extr
 }
 
 /// A start needs a stop that is proven, or that the user has seen.
-fn basics_are_accepted(model: &Model, accepted: &[String]) -> Result<(), Failure> {
-    let basic = ControlAction::Basic.word();
+fn basics_are_accepted(model: &Model, accepted: &[String]) -> Result<(), CommandFailure> {
+    let basic = ControlAction::Basic.keyword();
     let unproven = model.unproven_basics();
     if unproven.is_empty() || accepted.iter().any(|word| word == basic) {
         return Ok(());
     }
-    let what: Vec<_> = unproven.iter().map(Basic::described).collect();
-    Err(Failure::wrong(format!(
+    let what: Vec<_> = unproven.iter().map(BasicFact::described).collect();
+    Err(CommandFailure::wrong(format!(
         "{} takes no orders to move: not proven by a manual of it: {}; add --accept-unverified {basic} if you have seen \
          a stop work",
         model.id,
@@ -146,7 +150,10 @@ fn basics_are_accepted(model: &Model, accepted: &[String]) -> Result<(), Failure
 ///
 /// # Errors
 /// The stop is not acknowledged or shows no effect, or the frequency is refused.
-pub async fn arm(client: &mut Client, straight: &Straight) -> Result<(), Failure> {
+pub async fn arm(
+    client: &mut UnitClient,
+    straight: &StraightOptions,
+) -> Result<(), CommandFailure> {
     complain(WARNING.as_bytes());
     arm_simulated(client, straight).await
 }
@@ -155,7 +162,10 @@ pub async fn arm(client: &mut Client, straight: &Straight) -> Result<(), Failure
 ///
 /// # Errors
 /// As of [`arm`].
-pub async fn arm_simulated(client: &mut Client, straight: &Straight) -> Result<(), Failure> {
+pub async fn arm_simulated(
+    client: &mut UnitClient,
+    straight: &StraightOptions,
+) -> Result<(), CommandFailure> {
     acknowledged(client, STOP).await?;
     let until = Instant::now() + AT_REST_WITHIN;
     let word = straight.frequency.as_deref().map(frequency).transpose()?;
@@ -165,7 +175,7 @@ pub async fn arm_simulated(client: &mut Client, straight: &Straight) -> Result<(
     is_settled(client, until).await?;
     match client.write(map::SETPOINT, word).await {
         Ok(()) => Ok(()),
-        Err(error) => Err(Failure::failed(format!(
+        Err(error) => Err(CommandFailure::failed(format!(
             "frequency: {error}{}",
             reason(client).await
         ))),
@@ -173,7 +183,7 @@ pub async fn arm_simulated(client: &mut Client, straight: &Straight) -> Result<(
 }
 
 /// Waits until the stop is effective: an identical one is answered from what is known then.
-async fn is_settled(client: &mut Client, until: Instant) -> Result<(), Failure> {
+async fn is_settled(client: &mut UnitClient, until: Instant) -> Result<(), CommandFailure> {
     const STATUS: u16 = 1;
     const COMMAND_PENDING: u16 = 1 << 6;
     const STOPPED: u16 = 1;
@@ -181,7 +191,7 @@ async fn is_settled(client: &mut Client, until: Instant) -> Result<(), Failure> 
         let words = match client.read(STATUS, 2).await {
             Ok(words) => words,
             Err(NoAnswer::Exception(_)) => Vec::new(),
-            Err(error) => return Err(Failure::failed(error)),
+            Err(error) => return Err(CommandFailure::failed(error)),
         };
         if let [status, state] = words[..]
             && status & COMMAND_PENDING == 0
@@ -191,7 +201,7 @@ async fn is_settled(client: &mut Client, until: Instant) -> Result<(), Failure> 
         }
         if Instant::now() >= until {
             let why = Reason::StopPending.text();
-            return Err(Failure::failed(format!(
+            return Err(CommandFailure::failed(format!(
                 "nothing was started: {why}{}",
                 reason(client).await
             )));

@@ -1,6 +1,6 @@
 //! What is said of a drive that may run unseen.
 
-use super::{Tone, toned};
+use super::{WordTone, toned};
 use serde_json::Value;
 
 /// A drive that may run unseen, as a line of text. It is shown before all others.
@@ -21,6 +21,6 @@ pub fn unseen_row(drive: &Value) -> String {
     let name = drive["name"].as_str().unwrap_or("?");
     format!(
         "{}{seen}; go to the drive\n",
-        toned(Tone::Problem, &format!("drive {name} MAY STILL RUN"))
+        toned(WordTone::Problem, &format!("drive {name} MAY STILL RUN"))
     )
 }

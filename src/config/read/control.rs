@@ -1,16 +1,16 @@
 //! The tables of a drive for commands and writes: `control` and `native`.
 
 use super::super::file::{ControlFile, LimitsFile, NativeFile};
-use super::super::keys::Section;
+use super::super::keys::ConfigSection;
 use super::super::words::{
-    self, ACTIONS, BUS_FUNCTIONS, COMMANDS, DIRECTIONS, FAIL_SAFES, LEASES, ON_OUTPUT_OUTSIDE,
-    OWNERSHIPS, WAYS, Way, on_gateway_lost,
+    self, ACTIONS, BUS_FUNCTIONS, COMMANDS, CommandInterface, DIRECTIONS, FAIL_SAFES, LEASES,
+    ON_OUTPUT_OUTSIDE, OWNERSHIPS, WAYS, on_gateway_lost,
 };
 use super::tables::refuse_not_served;
 use crate::domain::frequency::Hertz;
 use crate::domain::problem::Problem;
-use crate::toml_file::values::Kind;
-use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned};
+use crate::toml_file::values::ValueKind;
+use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader};
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
@@ -27,50 +27,58 @@ const STORED_WRITE: RangeInclusive<Duration> =
 const STOP_PENDING: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(3600);
 
 /// `[line.drive.control]`
-pub(super) fn read_control(mut reader: Reader<'_, '_>) -> ControlFile {
-    refuse_not_served(&mut reader, Section::Control);
+pub(super) fn read_control(mut reader: TableReader<'_, '_>) -> ControlFile {
+    refuse_not_served(&mut reader, ConfigSection::Control);
     let control = ControlFile {
-        from: reader.required_list("from", &Kind::choice(&WAYS, Way::meaning)),
-        bus: reader.optional("bus", &Kind::choice(&BUS_FUNCTIONS, words::of_bus)),
+        from: reader.required_list("from", &ValueKind::choice(&WAYS, CommandInterface::meaning)),
+        bus: reader.optional("bus", &ValueKind::choice(&BUS_FUNCTIONS, words::of_bus)),
         limits: read_limits(&mut reader),
         directions: reader.list(
             "directions",
-            &Kind::choice(&DIRECTIONS, words::of_direction),
+            &ValueKind::choice(&DIRECTIONS, words::of_direction),
         ),
         reverse_below: read_hertz(&mut reader, "reverse_below_hz"),
         on_commander_lost: reader.required(
             "on_commander_lost",
-            &Kind::choice(&FAIL_SAFES, words::of_fail_safe),
+            &ValueKind::choice(&FAIL_SAFES, words::of_fail_safe),
         ),
-        lost_after: reader.required("lost_after", &Kind::duration(LOST_AFTER)),
+        lost_after: reader.required("lost_after", &ValueKind::duration(LOST_AFTER)),
         on_shutdown: reader.required(
             "on_shutdown",
-            &Kind::choice(&FAIL_SAFES, words::of_fail_safe),
+            &ValueKind::choice(&FAIL_SAFES, words::of_fail_safe),
         ),
         on_output_outside: reader.optional(
             "on_output_outside",
-            &Kind::choice(&ON_OUTPUT_OUTSIDE, words::of_output_outside),
+            &ValueKind::choice(&ON_OUTPUT_OUTSIDE, words::of_output_outside),
         ),
         on_gateway_lost: reader.optional("on_gateway_lost", &on_gateway_lost()),
         accept_unverified: reader.list(
             "accept_unverified",
-            &Kind::choice(&ACTIONS, words::of_action),
+            &ValueKind::choice(&ACTIONS, words::of_action),
         ),
-        qualify: reader.optional("qualify", &Kind::flag()),
-        allow_release: reader.optional("allow_release", &Kind::flag()),
-        strict: reader.optional("commands", &Kind::choice(&COMMANDS, words::of_commands)),
-        restart_delay: reader.optional("restart_delay", &Kind::duration(RESTART_DELAY)),
-        stop_effect_timeout: reader.optional("stop_effect_timeout", &Kind::duration(STOP_EFFECT)),
-        stop_pending_for: reader.optional("stop_pending_for", &Kind::duration(STOP_PENDING)),
-        ownership: reader.optional("ownership", &Kind::choice(&OWNERSHIPS, words::of_ownership)),
-        allow_take: reader.optional("allow_take", &Kind::flag()),
-        lease: reader.optional("lease", &Kind::choice(&LEASES, words::of_lease)),
-        min_start_interval: reader.optional("min_start_interval", &Kind::duration(START_INTERVAL)),
-        watchdog: reader.optional("watchdog", &Kind::duration(WATCHDOG)),
-        require_watchdog: reader.optional("require_watchdog", &Kind::flag()),
+        qualify: reader.optional("qualify", &ValueKind::flag()),
+        allow_release: reader.optional("allow_release", &ValueKind::flag()),
+        strict: reader.optional(
+            "commands",
+            &ValueKind::choice(&COMMANDS, words::of_commands),
+        ),
+        restart_delay: reader.optional("restart_delay", &ValueKind::duration(RESTART_DELAY)),
+        stop_effect_timeout: reader
+            .optional("stop_effect_timeout", &ValueKind::duration(STOP_EFFECT)),
+        stop_pending_for: reader.optional("stop_pending_for", &ValueKind::duration(STOP_PENDING)),
+        ownership: reader.optional(
+            "ownership",
+            &ValueKind::choice(&OWNERSHIPS, words::of_ownership),
+        ),
+        allow_take: reader.optional("allow_take", &ValueKind::flag()),
+        lease: reader.optional("lease", &ValueKind::choice(&LEASES, words::of_lease)),
+        min_start_interval: reader
+            .optional("min_start_interval", &ValueKind::duration(START_INTERVAL)),
+        watchdog: reader.optional("watchdog", &ValueKind::duration(WATCHDOG)),
+        require_watchdog: reader.optional("require_watchdog", &ValueKind::flag()),
         failsafe_confirm_timeout: reader.optional(
             "failsafe_confirm_timeout",
-            &Kind::duration(FAILSAFE_CONFIRM),
+            &ValueKind::duration(FAILSAFE_CONFIRM),
         ),
     };
     reader.finish();
@@ -78,22 +86,22 @@ pub(super) fn read_control(mut reader: Reader<'_, '_>) -> ControlFile {
 }
 
 /// `[line.drive.native]`
-pub(super) fn read_native(mut reader: Reader<'_, '_>) -> NativeFile {
-    refuse_not_served(&mut reader, Section::Native);
+pub(super) fn read_native(mut reader: TableReader<'_, '_>) -> NativeFile {
+    refuse_not_served(&mut reader, ConfigSection::Native);
     let native = NativeFile {
-        write: reader.required_list("write", &Kind::text()),
+        write: reader.required_list("write", &ValueKind::text()),
         stored_write_interval: reader
-            .optional("stored_write_interval", &Kind::duration(STORED_WRITE)),
-        store: reader.optional("store", &Kind::flag()),
+            .optional("stored_write_interval", &ValueKind::duration(STORED_WRITE)),
+        store: reader.optional("store", &ValueKind::flag()),
     };
     reader.finish();
     native
 }
 
-fn read_limits(reader: &mut Reader<'_, '_>) -> Option<LimitsFile> {
+fn read_limits(reader: &mut TableReader<'_, '_>) -> Option<LimitsFile> {
     let section = reader.required_table("frequency_hz")?;
     let mut reader = reader.open(section);
-    let kind = Kind::decimal(HERTZ);
+    let kind = ValueKind::decimal(HERTZ);
     let min = reader.required("min", &kind);
     let max = reader.required("max", &kind);
     let limits = LimitsFile {
@@ -104,8 +112,8 @@ fn read_limits(reader: &mut Reader<'_, '_>) -> Option<LimitsFile> {
     Some(limits)
 }
 
-fn read_hertz(reader: &mut Reader<'_, '_>, key: &'static str) -> OptionalKey<Hertz> {
-    match reader.optional(key, &Kind::decimal(HERTZ)) {
+fn read_hertz(reader: &mut TableReader<'_, '_>, key: &'static str) -> OptionalKey<Hertz> {
+    match reader.optional(key, &ValueKind::decimal(HERTZ)) {
         OptionalKey::Absent => OptionalKey::Absent,
         OptionalKey::Invalid => OptionalKey::Invalid,
         OptionalKey::Valid(written) => {
@@ -116,9 +124,9 @@ fn read_hertz(reader: &mut Reader<'_, '_>, key: &'static str) -> OptionalKey<Her
 
 /// The frequency in exact steps: it is compared with setpoints, so it must not be rounded.
 fn exact(written: RequiredKey<f64>, problems: &mut Vec<Problem>) -> RequiredKey<Hertz> {
-    let Spanned { value, location } = written?;
+    let LocatedValue { value, location } = written?;
     match Hertz::from_f64(value) {
-        Ok(value) => Some(Spanned { value, location }),
+        Ok(value) => Some(LocatedValue { value, location }),
         Err(wrong) => {
             problems.push(
                 location

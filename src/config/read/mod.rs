@@ -6,17 +6,17 @@ mod network;
 mod serial;
 mod tables;
 
-use super::file::{DriveFile, File, GatewayFile, JournalFile, LineFile, StandbyFile};
-use super::ready::{PortAddress, Silence};
+use super::file::{ConfigFile, DriveFile, GatewayFile, JournalFile, LineFile, StandbyFile};
+use super::ready::{LineSilence, PortAddress};
 use super::words::{DIRECTION_CONTROLS, REMOVALS, of_removal};
 use super::{keys, port};
 use crate::domain::ids::{Name, Station, UnitId};
 use crate::domain::problem::Problem;
 use crate::domain::standby::RANK_MAX;
 use crate::profile::register::{RegisterFile, extra_register};
-use crate::toml_file::values::Kind;
+use crate::toml_file::values::ValueKind;
 use crate::toml_file::words::{ECHO_POLICIES, FRAMINGS, INTERFACES, PARITIES};
-use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned, document};
+use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader, document};
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -41,10 +41,10 @@ const JOURNAL_BYTES: RangeInclusive<u64> = 1_000_000..=16_000_000_000;
 const POLL: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration::from_secs(3600);
 
 /// The configuration as written; `None` if `text` is not TOML, which is reported in `problems`.
-pub(super) fn read(text: &str, problems: &mut Vec<Problem>) -> Option<File> {
+pub(super) fn read(text: &str, problems: &mut Vec<Problem>) -> Option<ConfigFile> {
     let document = document(text, problems)?;
-    let mut reader = Reader::new(document.section(), problems);
-    refuse_not_served(&mut reader, keys::Section::Root);
+    let mut reader = TableReader::new(document.section(), problems);
+    refuse_not_served(&mut reader, keys::ConfigSection::Root);
     let gateway = match inner(&mut reader, "gateway", read_gateway) {
         OptionalKey::Valid(gateway) => gateway.value,
         OptionalKey::Absent => GatewayFile::LEFT_OUT,
@@ -53,7 +53,7 @@ pub(super) fn read(text: &str, problems: &mut Vec<Problem>) -> Option<File> {
             ..GatewayFile::LEFT_OUT
         },
     };
-    let file = File {
+    let file = ConfigFile {
         gateway,
         journal: inner(&mut reader, "journal", read_journal),
         standby: inner(&mut reader, "standby", read_standby),
@@ -77,21 +77,21 @@ pub(super) fn read(text: &str, problems: &mut Vec<Problem>) -> Option<File> {
     Some(file)
 }
 
-fn read_gateway(mut reader: Reader<'_, '_>) -> GatewayFile {
-    refuse_not_served(&mut reader, keys::Section::Gateway);
+fn read_gateway(mut reader: TableReader<'_, '_>) -> GatewayFile {
+    refuse_not_served(&mut reader, keys::ConfigSection::Gateway);
     let gateway = GatewayFile {
         name: reader.optional("name", &name_kind()),
         data_dir: reader.optional("data_dir", &absolute_path()),
         model_dirs: reader.list("model_dirs", &absolute_path()),
-        on_removal: reader.optional("on_removal", &Kind::choice(&REMOVALS, of_removal)),
+        on_removal: reader.optional("on_removal", &ValueKind::choice(&REMOVALS, of_removal)),
     };
     reader.finish();
     gateway
 }
 
-fn read_journal(mut reader: Reader<'_, '_>) -> JournalFile {
-    refuse_not_served(&mut reader, keys::Section::Journal);
-    let size = Kind::parsed("a size from \"1MB\" to \"16GB\"", size_bytes);
+fn read_journal(mut reader: TableReader<'_, '_>) -> JournalFile {
+    refuse_not_served(&mut reader, keys::ConfigSection::Journal);
+    let size = ValueKind::parsed("a size from \"1MB\" to \"16GB\"", size_bytes);
     let journal = JournalFile {
         location: reader.location().clone(),
         max_size: reader.optional("max_size", &size),
@@ -100,16 +100,16 @@ fn read_journal(mut reader: Reader<'_, '_>) -> JournalFile {
     journal
 }
 
-fn read_standby(mut reader: Reader<'_, '_>) -> StandbyFile {
-    refuse_not_served(&mut reader, keys::Section::Standby);
+fn read_standby(mut reader: TableReader<'_, '_>) -> StandbyFile {
+    refuse_not_served(&mut reader, keys::ConfigSection::Standby);
     let standby = StandbyFile {
         location: reader.location().clone(),
         half: reader.required("half", &half_kind()),
         partner: reader.required("partner", &half_kind()),
-        rank: reader.optional("rank", &Kind::number(0..=RANK_MAX)),
+        rank: reader.optional("rank", &ValueKind::number(0..=RANK_MAX)),
         take_over_after: reader.optional(
             "take_over_after",
-            &Kind::duration(TAKE_OVER).or_word("auto"),
+            &ValueKind::duration(TAKE_OVER).or_word("auto"),
         ),
     };
     reader.finish();
@@ -129,7 +129,7 @@ fn size_bytes(text: &str) -> Option<u64> {
 }
 
 /// The directories of `text` that hold models; empty if it is not TOML, or if one of them is invalid.
-pub(super) fn model_dirs(text: &str) -> Vec<Spanned<PathBuf>> {
+pub(super) fn model_dirs(text: &str) -> Vec<LocatedValue<PathBuf>> {
     match gateway(text) {
         Some(GatewayFile {
             model_dirs: OptionalKey::Valid(dirs),
@@ -148,36 +148,36 @@ pub(super) fn data_dir(text: &str) -> Option<PathBuf> {
 fn gateway(text: &str) -> Option<GatewayFile> {
     let mut problems = Vec::new();
     let document = document(text, &mut problems)?;
-    let mut reader = Reader::new(document.section(), &mut problems);
+    let mut reader = TableReader::new(document.section(), &mut problems);
     match inner(&mut reader, "gateway", read_gateway) {
         OptionalKey::Valid(gateway) => Some(gateway.value),
         _ => None,
     }
 }
 
-fn read_line(mut reader: Reader<'_, '_>) -> LineFile {
-    refuse_not_served(&mut reader, keys::Section::Line);
+fn read_line(mut reader: TableReader<'_, '_>) -> LineFile {
+    refuse_not_served(&mut reader, keys::ConfigSection::Line);
     let line = LineFile {
         location: reader.location().clone(),
         name: reader.required("name", &name_kind()),
         port: read_port(&mut reader),
-        baud: reader.optional("baud", &Kind::number(BAUD)),
-        data_bits: reader.optional("data_bits", &Kind::number(7..=8)),
-        parity: reader.optional("parity", &Kind::one_of(&PARITIES)),
-        stop_bits: reader.optional("stop_bits", &Kind::number(1..=2)),
-        framing: reader.optional("framing", &Kind::one_of(&FRAMINGS)),
-        interface: reader.optional("interface", &Kind::one_of(&INTERFACES)),
-        echo: reader.optional("echo", &Kind::one_of(&ECHO_POLICIES)),
-        direction: reader.optional("rs485", &Kind::one_of(&DIRECTION_CONTROLS)),
-        low_latency: reader.optional("low_latency", &Kind::flag()),
+        baud: reader.optional("baud", &ValueKind::number(BAUD)),
+        data_bits: reader.optional("data_bits", &ValueKind::number(7..=8)),
+        parity: reader.optional("parity", &ValueKind::one_of(&PARITIES)),
+        stop_bits: reader.optional("stop_bits", &ValueKind::number(1..=2)),
+        framing: reader.optional("framing", &ValueKind::one_of(&FRAMINGS)),
+        interface: reader.optional("interface", &ValueKind::one_of(&INTERFACES)),
+        echo: reader.optional("echo", &ValueKind::one_of(&ECHO_POLICIES)),
+        direction: reader.optional("rs485", &ValueKind::one_of(&DIRECTION_CONTROLS)),
+        low_latency: reader.optional("low_latency", &ValueKind::flag()),
         silence: read_silence(&mut reader),
-        min_request_gap: reader.optional("min_request_gap", &Kind::duration(REQUEST_GAP)),
+        min_request_gap: reader.optional("min_request_gap", &ValueKind::duration(REQUEST_GAP)),
         reply_timeout: reader.optional(
             "reply_timeout",
-            &Kind::duration(REPLY_TIMEOUT).or_word("auto"),
+            &ValueKind::duration(REPLY_TIMEOUT).or_word("auto"),
         ),
-        max_status_age: reader.optional("max_status_age", &Kind::duration(STATUS_AGE)),
-        standby: reader.optional("standby", &Kind::flag()),
+        max_status_age: reader.optional("max_status_age", &ValueKind::duration(STATUS_AGE)),
+        standby: reader.optional("standby", &ValueKind::flag()),
         drives: each(&mut reader, "drive", read_drive),
     };
     if line.drives.is_empty() {
@@ -193,34 +193,34 @@ fn read_line(mut reader: Reader<'_, '_>) -> LineFile {
     line
 }
 
-fn read_drive(mut reader: Reader<'_, '_>) -> DriveFile {
-    refuse_not_served(&mut reader, keys::Section::Drive);
+fn read_drive(mut reader: TableReader<'_, '_>) -> DriveFile {
+    refuse_not_served(&mut reader, keys::ConfigSection::Drive);
     let drive = DriveFile {
         location: reader.location().clone(),
         name: reader.required("name", &name_kind()),
-        model: reader.required("model", &Kind::text()),
+        model: reader.required("model", &ValueKind::text()),
         station: read_station(&mut reader),
         unit: read_unit(&mut reader, "unit"),
         uniform_unit: read_unit(&mut reader, "uniform_unit"),
         group: reader.optional("group", &name_kind()),
-        poll: reader.optional("poll", &Kind::duration(POLL)),
+        poll: reader.optional("poll", &ValueKind::duration(POLL)),
         reply_timeout: reader.optional(
             "reply_timeout",
-            &Kind::duration(REPLY_TIMEOUT).or_word("auto"),
+            &ValueKind::duration(REPLY_TIMEOUT).or_word("auto"),
         ),
-        max_lateness: reader.optional("max_lateness", &Kind::duration(MAX_LATENESS)),
+        max_lateness: reader.optional("max_lateness", &ValueKind::duration(MAX_LATENESS)),
         rated_current: read_rated(&mut reader, "rated_current_a"),
         rated_voltage: read_rated(&mut reader, "rated_voltage_v"),
         full_scale: read_rated(&mut reader, "full_scale_hz"),
         registers: read_registers(&mut reader),
         dead_bands: inner(&mut reader, "dead_bands", |reader| {
-            reader.all(&Kind::decimal(DEAD_BAND))
+            reader.all(&ValueKind::decimal(DEAD_BAND))
         }),
         heartbeats: inner(&mut reader, "heartbeats", |reader| {
-            reader.all(&Kind::duration(mqtt::HEARTBEAT))
+            reader.all(&ValueKind::duration(mqtt::HEARTBEAT))
         }),
         decimals: inner(&mut reader, "decimals", |reader| {
-            reader.all(&Kind::number(DECIMALS))
+            reader.all(&ValueKind::number(DECIMALS))
         }),
         control: inner(&mut reader, "control", control::read_control),
         native: inner(&mut reader, "native", control::read_native),
@@ -229,7 +229,7 @@ fn read_drive(mut reader: Reader<'_, '_>) -> DriveFile {
     drive
 }
 
-fn read_registers(reader: &mut Reader<'_, '_>) -> Vec<RegisterFile> {
+fn read_registers(reader: &mut TableReader<'_, '_>) -> Vec<RegisterFile> {
     let sections = reader.tables("register");
     sections
         .into_iter()
@@ -237,15 +237,15 @@ fn read_registers(reader: &mut Reader<'_, '_>) -> Vec<RegisterFile> {
         .collect()
 }
 
-fn name_kind() -> Kind<'static, Name> {
+fn name_kind() -> ValueKind<'static, Name> {
     let right = format!("1 to {} {}", Name::MAX_CHARS, Name::RULE);
-    Kind::parsed(right, Name::new)
+    ValueKind::parsed(right, Name::new)
 }
 
 /// The name of a gateway in its pair. It is a part of client identifiers, which are short.
-fn half_kind() -> Kind<'static, Name> {
+fn half_kind() -> ValueKind<'static, Name> {
     let right = format!("1 to {HALF_CHARS} {}", Name::RULE);
-    Kind::parsed(right, |text| {
+    ValueKind::parsed(right, |text| {
         if text.len() <= HALF_CHARS {
             Name::new(text)
         } else {
@@ -254,31 +254,32 @@ fn half_kind() -> Kind<'static, Name> {
     })
 }
 
-fn read_silence(reader: &mut Reader<'_, '_>) -> OptionalKey<Silence> {
-    let silence = reader.optional("silence", &Kind::duration(SILENCE).or_word("auto"));
+fn read_silence(reader: &mut TableReader<'_, '_>) -> OptionalKey<LineSilence> {
+    let silence = reader.optional("silence", &ValueKind::duration(SILENCE).or_word("auto"));
     turned(silence, |fixed| {
-        Some(fixed.map_or(Silence::Auto, Silence::Fixed))
+        Some(fixed.map_or(LineSilence::Auto, LineSilence::Fixed))
     })
 }
 
-fn read_station(reader: &mut Reader<'_, '_>) -> RequiredKey<Station> {
-    let Spanned { value, location } = reader.required("station", &Kind::number(0..=u8::MAX))?;
-    Some(Spanned {
+fn read_station(reader: &mut TableReader<'_, '_>) -> RequiredKey<Station> {
+    let LocatedValue { value, location } =
+        reader.required("station", &ValueKind::number(0..=u8::MAX))?;
+    Some(LocatedValue {
         value: Station(value),
         location,
     })
 }
 
-fn read_unit(reader: &mut Reader<'_, '_>, key: &'static str) -> OptionalKey<UnitId> {
+fn read_unit(reader: &mut TableReader<'_, '_>, key: &'static str) -> OptionalKey<UnitId> {
     turned(
-        reader.optional(key, &Kind::number(UnitId::MIN..=UnitId::MAX)),
+        reader.optional(key, &ValueKind::number(UnitId::MIN..=UnitId::MAX)),
         UnitId::new,
     )
 }
 
 /// A rated value in thousandths.
-fn read_rated(reader: &mut Reader<'_, '_>, key: &'static str) -> OptionalKey<u32> {
-    let Spanned { value, location } = match reader.optional(key, &Kind::decimal(RATED)) {
+fn read_rated(reader: &mut TableReader<'_, '_>, key: &'static str) -> OptionalKey<u32> {
+    let LocatedValue { value, location } = match reader.optional(key, &ValueKind::decimal(RATED)) {
         OptionalKey::Absent => return OptionalKey::Absent,
         OptionalKey::Invalid => return OptionalKey::Invalid,
         OptionalKey::Valid(written) => written,
@@ -292,16 +293,16 @@ fn read_rated(reader: &mut Reader<'_, '_>, key: &'static str) -> OptionalKey<u32
         );
         return OptionalKey::Invalid;
     }
-    OptionalKey::Valid(Spanned {
+    OptionalKey::Valid(LocatedValue {
         value: thousandths as u32,
         location,
     })
 }
 
-fn read_port(reader: &mut Reader<'_, '_>) -> RequiredKey<PortAddress> {
-    let written = reader.required("port", &Kind::text())?;
+fn read_port(reader: &mut TableReader<'_, '_>) -> RequiredKey<PortAddress> {
+    let written = reader.required("port", &ValueKind::text())?;
     match port::parse(&written.value) {
-        Ok(value) => Some(Spanned {
+        Ok(value) => Some(LocatedValue {
             value,
             location: written.location,
         }),

@@ -1,13 +1,13 @@
 //! The table `[mqtt]`.
 
-use super::super::broker::{self, Address};
+use super::super::broker::{self, BrokerAddress};
 use super::super::file::{HomeAssistantFile, MqttFile, SparkplugFile};
-use super::super::keys::Section;
+use super::super::keys::ConfigSection;
 use super::super::words::{COMBINED, LEASES, TREES, of_lease};
 use super::tables::{absolute_path, inner, refuse_not_served, turned};
-use crate::north::broker::{Qos, Version};
-use crate::toml_file::values::Kind;
-use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned};
+use crate::north::broker::{MqttVersion, Qos};
+use crate::toml_file::values::ValueKind;
+use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader};
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
@@ -27,8 +27,8 @@ const KEEP_TELEMETRY_MAX: u32 = 100_000;
 const MAX_BYTES: usize = 128;
 
 /// `[mqtt]`
-pub(super) fn read_mqtt(mut reader: Reader<'_, '_>) -> MqttFile {
-    refuse_not_served(&mut reader, Section::Mqtt);
+pub(super) fn read_mqtt(mut reader: TableReader<'_, '_>) -> MqttFile {
+    refuse_not_served(&mut reader, ConfigSection::Mqtt);
     reader.refuse(
         "password",
         "a password must not be in this file, which others may read and copy",
@@ -37,26 +37,26 @@ pub(super) fn read_mqtt(mut reader: Reader<'_, '_>) -> MqttFile {
     let mqtt = MqttFile {
         broker: read_broker(&mut reader),
         also_at: read_also_at(&mut reader),
-        user: reader.optional("user", &Kind::text()),
+        user: reader.optional("user", &ValueKind::text()),
         password_file: reader.optional("password_file", &absolute_path()),
         password_env: reader.optional(
             "password_env",
-            &Kind::parsed("the name of an environment variable", variable),
+            &ValueKind::parsed("the name of an environment variable", variable),
         ),
-        allow_plain_password: reader.optional("allow_plain_password", &Kind::flag()),
+        allow_plain_password: reader.optional("allow_plain_password", &ValueKind::flag()),
         client_id: reader.optional("client_id", &client_id()),
         version: turned(
-            reader.optional("version", &Kind::number(4..=5_u8)),
+            reader.optional("version", &ValueKind::number(4..=5_u8)),
             |version| {
                 Some(if version == 4 {
-                    Version::V4
+                    MqttVersion::V4
                 } else {
-                    Version::V5
+                    MqttVersion::V5
                 })
             },
         ),
         subscription_qos: turned(
-            reader.optional("subscription_qos", &Kind::number(0..=1_u8)),
+            reader.optional("subscription_qos", &ValueKind::number(0..=1_u8)),
             |qos| {
                 Some(if qos == 0 {
                     Qos::AtMostOnce
@@ -66,15 +66,16 @@ pub(super) fn read_mqtt(mut reader: Reader<'_, '_>) -> MqttFile {
             },
         ),
         prefix: reader.optional("prefix", &topics()),
-        heartbeat: reader.optional("heartbeat", &Kind::duration(HEARTBEAT)),
+        heartbeat: reader.optional("heartbeat", &ValueKind::duration(HEARTBEAT)),
         keep_alive: read_keep_alive(&mut reader),
-        lease: reader.optional("lease", &Kind::choice(&LEASES, of_lease)),
+        lease: reader.optional("lease", &ValueKind::choice(&LEASES, of_lease)),
         alive_topic: reader.optional("alive_topic", &topic_or_none()),
-        probe_interval: reader.optional("probe_interval", &Kind::duration(PROBE_INTERVAL)),
-        command_ttl: reader.optional("command_ttl", &Kind::duration(COMMAND_TTL)),
+        probe_interval: reader.optional("probe_interval", &ValueKind::duration(PROBE_INTERVAL)),
+        command_ttl: reader.optional("command_ttl", &ValueKind::duration(COMMAND_TTL)),
         response_prefix: reader.optional("response_prefix", &topics()),
-        keep_telemetry: reader.optional("keep_telemetry", &Kind::number(0..=KEEP_TELEMETRY_MAX)),
-        publish: reader.list("publish", &Kind::one_of(&TREES)),
+        keep_telemetry: reader
+            .optional("keep_telemetry", &ValueKind::number(0..=KEEP_TELEMETRY_MAX)),
+        publish: reader.list("publish", &ValueKind::one_of(&TREES)),
         home_assistant: inner(&mut reader, "home_assistant", read_home_assistant),
         sparkplug: inner(&mut reader, "sparkplug", read_sparkplug),
         ca_file: reader.optional("ca_file", &absolute_path()),
@@ -85,12 +86,12 @@ pub(super) fn read_mqtt(mut reader: Reader<'_, '_>) -> MqttFile {
     mqtt
 }
 
-fn read_home_assistant(mut reader: Reader<'_, '_>) -> HomeAssistantFile {
+fn read_home_assistant(mut reader: TableReader<'_, '_>) -> HomeAssistantFile {
     let home_assistant = HomeAssistantFile {
-        discovery: reader.required("discovery", &Kind::flag()),
+        discovery: reader.required("discovery", &ValueKind::flag()),
         prefix: reader.optional("prefix", &topics()),
-        devices: reader.optional("devices", &Kind::flag()),
-        combined: reader.list("combined", &Kind::one_of(&COMBINED)),
+        devices: reader.optional("devices", &ValueKind::flag()),
+        combined: reader.list("combined", &ValueKind::one_of(&COMBINED)),
         page: reader.optional("page", &page()),
     };
     reader.finish();
@@ -98,34 +99,35 @@ fn read_home_assistant(mut reader: Reader<'_, '_>) -> HomeAssistantFile {
 }
 
 /// `[mqtt.sparkplug]`
-fn read_sparkplug(mut reader: Reader<'_, '_>) -> SparkplugFile {
+fn read_sparkplug(mut reader: TableReader<'_, '_>) -> SparkplugFile {
     let sparkplug = SparkplugFile {
         location: reader.location().clone(),
         group: reader.required("group", &level()),
         primary_host: reader.optional("primary_host", &level()),
         client_id: reader.optional("client_id", &client_id()),
-        max_command_age: reader.optional("max_command_age", &Kind::duration(COMMAND_AGE)),
-        keep_telemetry: reader.optional("keep_telemetry", &Kind::number(0..=KEEP_TELEMETRY_MAX)),
+        max_command_age: reader.optional("max_command_age", &ValueKind::duration(COMMAND_AGE)),
+        keep_telemetry: reader
+            .optional("keep_telemetry", &ValueKind::number(0..=KEEP_TELEMETRY_MAX)),
     };
     reader.finish();
     sparkplug
 }
 
 /// One level of a topic.
-fn level() -> Kind<'static, String> {
-    Kind::parsed(
+fn level() -> ValueKind<'static, String> {
+    ValueKind::parsed(
         "one level of a topic, without `/`, `+`, `#` or a first `$`: \"plant-a\"",
         |text| (is_topic(text) && !text.contains('/')).then(|| text.to_owned()),
     )
 }
 
-fn read_broker(reader: &mut Reader<'_, '_>) -> RequiredKey<Address> {
-    let written = reader.required("broker", &Kind::text())?;
+fn read_broker(reader: &mut TableReader<'_, '_>) -> RequiredKey<BrokerAddress> {
+    let written = reader.required("broker", &ValueKind::text())?;
     read_address(reader, written)
 }
 
-fn read_also_at(reader: &mut Reader<'_, '_>) -> OptionalKey<Vec<Spanned<Address>>> {
-    let Spanned { value, location } = match reader.list("also_at", &Kind::text()) {
+fn read_also_at(reader: &mut TableReader<'_, '_>) -> OptionalKey<Vec<LocatedValue<BrokerAddress>>> {
+    let LocatedValue { value, location } = match reader.list("also_at", &ValueKind::text()) {
         OptionalKey::Absent => return OptionalKey::Absent,
         OptionalKey::Invalid => return OptionalKey::Invalid,
         OptionalKey::Valid(list) => list,
@@ -135,16 +137,16 @@ fn read_also_at(reader: &mut Reader<'_, '_>) -> OptionalKey<Vec<Spanned<Address>
         .map(|text| read_address(reader, text))
         .collect();
     read.map_or(OptionalKey::Invalid, |value| {
-        OptionalKey::Valid(Spanned { value, location })
+        OptionalKey::Valid(LocatedValue { value, location })
     })
 }
 
 fn read_address(
-    reader: &mut Reader<'_, '_>,
-    Spanned { value, location }: Spanned<String>,
-) -> RequiredKey<Address> {
+    reader: &mut TableReader<'_, '_>,
+    LocatedValue { value, location }: LocatedValue<String>,
+) -> RequiredKey<BrokerAddress> {
     match broker::parse(&value) {
-        Ok(value) => Some(Spanned { value, location }),
+        Ok(value) => Some(LocatedValue { value, location }),
         Err((what, right)) => {
             reader.problems().push(location.problem(what).right(right));
             None
@@ -153,8 +155,8 @@ fn read_address(
 }
 
 /// The protocol uses whole seconds for this time.
-fn read_keep_alive(reader: &mut Reader<'_, '_>) -> OptionalKey<Duration> {
-    let keep_alive = reader.optional("keep_alive", &Kind::duration(KEEP_ALIVE));
+fn read_keep_alive(reader: &mut TableReader<'_, '_>) -> OptionalKey<Duration> {
+    let keep_alive = reader.optional("keep_alive", &ValueKind::duration(KEEP_ALIVE));
     if let Some(written) = keep_alive
         .valid()
         .filter(|written| written.value.subsec_millis() != 0)
@@ -178,28 +180,28 @@ fn variable(text: &str) -> Option<String> {
     fits.then(|| text.to_owned())
 }
 
-fn client_id() -> Kind<'static, String> {
+fn client_id() -> ValueKind<'static, String> {
     let fits = |text: &str| {
         (1..=MAX_BYTES).contains(&text.len()) && text.bytes().all(|byte| byte.is_ascii_graphic())
     };
-    Kind::parsed(
+    ValueKind::parsed(
         format!("1 to {MAX_BYTES} visible characters without blanks"),
         move |text| fits(text).then(|| text.to_owned()),
     )
 }
 
 /// The first levels of other topics.
-fn topics() -> Kind<'static, String> {
+fn topics() -> ValueKind<'static, String> {
     let right = "levels of a topic without `+`, `#`, a first `$`, or a slash at either end: \"vfd\", \"plant/vfd\"";
-    Kind::parsed(right, |text| {
+    ValueKind::parsed(right, |text| {
         let fits = is_topic(text) && text.split('/').all(|level| !level.is_empty());
         fits.then(|| text.to_owned())
     })
 }
 
 /// The address of a page.
-fn page() -> Kind<'static, String> {
-    Kind::parsed("an address such as \"https://192.168.1.5:8443\"", |text| {
+fn page() -> ValueKind<'static, String> {
+    ValueKind::parsed("an address such as \"https://192.168.1.5:8443\"", |text| {
         let host = text
             .strip_prefix("http://")
             .or_else(|| text.strip_prefix("https://"))?;
@@ -210,8 +212,8 @@ fn page() -> Kind<'static, String> {
     })
 }
 
-fn topic_or_none() -> Kind<'static, Option<String>> {
-    Kind::parsed(
+fn topic_or_none() -> ValueKind<'static, Option<String>> {
+    ValueKind::parsed(
         "a topic without `+`, `#` or a first `$`, or \"\" for none",
         |text| match text {
             "" => Some(None),

@@ -1,15 +1,15 @@
 //! Tables and kinds of values shared by several sections.
 
 use super::super::keys;
-use crate::toml_file::values::Kind;
-use crate::toml_file::{OptionalKey, Reader, Spanned};
+use crate::toml_file::values::ValueKind;
+use crate::toml_file::{LocatedValue, OptionalKey, TableReader};
 use std::path::PathBuf;
 
 /// The tables `[[key]]`, each read by `read`.
 pub(super) fn each<'a, T>(
-    reader: &mut Reader<'a, '_>,
+    reader: &mut TableReader<'a, '_>,
     key: &'static str,
-    read: impl Fn(Reader<'a, '_>) -> T,
+    read: impl Fn(TableReader<'a, '_>) -> T,
 ) -> Vec<T> {
     let sections = reader.tables(key);
     sections
@@ -20,14 +20,14 @@ pub(super) fn each<'a, T>(
 
 /// The table `key`, read by `read`.
 pub(super) fn inner<'a, T>(
-    reader: &mut Reader<'a, '_>,
+    reader: &mut TableReader<'a, '_>,
     key: &'static str,
-    read: impl FnOnce(Reader<'a, '_>) -> T,
+    read: impl FnOnce(TableReader<'a, '_>) -> T,
 ) -> OptionalKey<T> {
     match reader.table(key) {
         OptionalKey::Absent => OptionalKey::Absent,
         OptionalKey::Invalid => OptionalKey::Invalid,
-        OptionalKey::Valid(Spanned { value, location }) => OptionalKey::Valid(Spanned {
+        OptionalKey::Valid(LocatedValue { value, location }) => OptionalKey::Valid(LocatedValue {
             value: read(reader.open(value)),
             location,
         }),
@@ -35,15 +35,15 @@ pub(super) fn inner<'a, T>(
 }
 
 /// Refuses each key of `section` that is known but not supported.
-pub(super) fn refuse_not_served(reader: &mut Reader<'_, '_>, section: keys::Section) {
+pub(super) fn refuse_not_served(reader: &mut TableReader<'_, '_>, section: keys::ConfigSection) {
     for key in keys::not_served(section) {
         reader.refuse(key.name, key.refusal(), key.instead);
     }
 }
 
 /// An absolute path.
-pub(super) fn absolute_path() -> Kind<'static, PathBuf> {
-    Kind::parsed("an absolute path", |text| {
+pub(super) fn absolute_path() -> ValueKind<'static, PathBuf> {
+    ValueKind::parsed("an absolute path", |text| {
         Some(PathBuf::from(text)).filter(|path| path.is_absolute())
     })
 }
@@ -53,9 +53,9 @@ pub(super) fn turned<T, U>(given: OptionalKey<T>, turn: impl Fn(T) -> Option<U>)
     match given {
         OptionalKey::Absent => OptionalKey::Absent,
         OptionalKey::Invalid => OptionalKey::Invalid,
-        OptionalKey::Valid(Spanned { value, location }) => turn(value)
+        OptionalKey::Valid(LocatedValue { value, location }) => turn(value)
             .map_or(OptionalKey::Invalid, |value| {
-                OptionalKey::Valid(Spanned { value, location })
+                OptionalKey::Valid(LocatedValue { value, location })
             }),
     }
 }

@@ -1,17 +1,17 @@
 //! What a reload would do, as a table: a text is changed, and the difference reported.
 
 use super::{CONTROLLED, TWO_LINES, good, with};
-use crate::config::change::Change;
+use crate::config::change::ConfigChange;
 
 /// A second line with a drive of its own.
 const THIRD: &str = "[[line]]\nname = \"hall-0\"\nport = \"/dev/ttyUSB9\"\n[[line.drive]]\nname = \"pump-0\"\n\
                      model = \"hyundai-n700\"\nstation = 1\nunit = 9\n";
 
-fn between(old: &str, new: &str) -> Change {
-    Change::between(&good(old), &good(new))
+fn between(old: &str, new: &str) -> ConfigChange {
+    ConfigChange::between(&good(old), &good(new))
 }
 
-fn told(change: &Change) -> Vec<String> {
+fn change_texts(change: &ConfigChange) -> Vec<String> {
     change.told.iter().map(ToString::to_string).collect()
 }
 
@@ -86,7 +86,7 @@ fn what_differs_is_reported_and_nothing_else() {
     ];
     for (old, new, right) in table {
         let change = between(CONTROLLED, &with(CONTROLLED, old, new));
-        assert_eq!(told(&change), *right, "{old} -> {new}");
+        assert_eq!(change_texts(&change), *right, "{old} -> {new}");
         let back = between(&with(CONTROLLED, old, new), CONTROLLED);
         assert_eq!(back.told.is_empty(), right.is_empty(), "{new} -> {old}");
     }
@@ -101,27 +101,27 @@ fn a_serial_master_is_told_by_its_name() {
     let with = |master: &str| format!("{TWO_LINES}{master}");
     let panel = with(&master("panel", ""));
     assert_eq!(
-        told(&between(TWO_LINES, &panel)),
+        change_texts(&between(TWO_LINES, &panel)),
         ["modbus_rtu panel: added"]
     );
     assert_eq!(
-        told(&between(&panel, TWO_LINES)),
+        change_texts(&between(&panel, TWO_LINES)),
         ["modbus_rtu panel: removed"]
     );
     for more in ["cached = true", "units = [101]", "answer_within = '200ms'"] {
         assert_eq!(
-            told(&between(&panel, &with(&master("panel", more)))),
+            change_texts(&between(&panel, &with(&master("panel", more)))),
             ["modbus_rtu panel: changed"],
             "{more}"
         );
     }
-    let renamed = told(&between(&panel, &with(&master("plc", ""))));
+    let renamed = change_texts(&between(&panel, &with(&master("plc", ""))));
     assert_eq!(
         renamed,
         ["modbus_rtu plc: added", "modbus_rtu panel: removed"]
     );
     // Its line has another place in the file.
-    let moved = told(&between(&panel, &format!("{THIRD}{panel}")));
+    let moved = change_texts(&between(&panel, &format!("{THIRD}{panel}")));
     assert_eq!(moved, ["line hall-0: added", "drive pump-0: added"]);
 }
 
@@ -148,7 +148,7 @@ fn a_line_goes_on_wherever_it_stands_in_the_file() {
         (&vec![Some(0), None], &vec![1])
     );
     assert_eq!(
-        told(&changed),
+        change_texts(&changed),
         ["line hall-2: changed", "drive pump-2: changed"]
     );
     let old = good(TWO_LINES);
@@ -165,13 +165,15 @@ fn a_listener_keeps_its_socket_by_its_address_and_its_lines_by_their_names() {
     let moved = between(&listed, &format!("{THIRD}{listed}"));
     assert_eq!(moved.listeners, [Some(0)]);
     assert!(
-        !told(&moved).iter().any(|it| it.starts_with("modbus_tcp")),
+        !change_texts(&moved)
+            .iter()
+            .any(|it| it.starts_with("modbus_tcp")),
         "{:?}",
         moved.told
     );
     let one_less = with(&listed, "\"hall-1\", \"hall-2\"", "\"hall-2\"");
     assert_eq!(
-        told(&between(&listed, &one_less)),
+        change_texts(&between(&listed, &one_less)),
         ["modbus_tcp 127.0.0.1:1502: changed"]
     );
     let added = format!("[[modbus_tcp]]\nlisten = \"127.0.0.1:1600\"\n{TWO_LINES}");

@@ -1,6 +1,6 @@
 //! Changes to a file leave everything else in it as it is.
 
-use crate::config::edit::{CannotEdit, Edited, with_control, with_line};
+use crate::config::edit::{CannotEdit, EditedText, with_control, with_line};
 use crate::config::written::{NewControl, NewDrive, NewLine};
 use crate::config::{self, PortAddress};
 use crate::domain::link::LinkSettings;
@@ -75,7 +75,7 @@ lines = [\"hall-1\"]
 
 /// What was there before is there, and nothing else besides what was added.
 #[track_caller]
-fn keeps(old: &str, edited: &Edited) {
+fn keeps(old: &str, edited: &EditedText) {
     let mut rest = edited.text.clone();
     rest.replace_range(edited.added.clone(), "");
     assert_eq!(rest.trim_end(), old.trim_end());
@@ -167,7 +167,7 @@ fn what_cannot_be_changed_safely_is_left_to_a_person() {
     let inline = "line = [{ name = \"a\", port = \"/dev/ttyUSB0\", drive = [{ name = \"p\", model = \"hyundai-n700\", station = 1 }] }]\n";
     let drive_inline = "[[line]]\nname = \"a\"\nport = \"/dev/ttyUSB0\"\ndrive = [{ name = \"p\", model = \"hyundai-n700\", station = 1 }]\n";
     let has = with_control(PLANT, "pump-1", &control()).unwrap().text;
-    let told = |done: Result<Edited, CannotEdit>| done.unwrap_err().to_string();
+    let told = |done: Result<EditedText, CannotEdit>| done.unwrap_err().to_string();
     for (what, why) in [
         (with_line(inline, &line("b", &[])), "writes `line` inline"),
         (

@@ -1,9 +1,9 @@
 //! The HTTP listener: who reaches it, by which names, and who may sign in there.
 
 use super::*;
-use crate::config::{HashSource, HttpSettings, Viewers};
+use crate::config::{HashSource, HttpSettings, PageViewers};
 use crate::domain::ids::Name;
-use crate::north::operator::rights::{Rights, Role};
+use crate::north::operator::rights::{UserRights, UserRole};
 use std::path::PathBuf;
 
 /// Of "correct horse".
@@ -181,11 +181,11 @@ fn users_and_drives_go_together() {
 #[test]
 fn a_user_has_a_role_and_groups_that_exist() {
     let found = http(&with_user(&anna()));
-    assert_eq!(found.view, Viewers::Anyone);
+    assert_eq!(found.view, PageViewers::Anyone);
     assert_eq!(
         found.users[0].rights,
-        Rights {
-            role: Role::Maintain,
+        UserRights {
+            role: UserRole::Maintain,
             groups: None
         }
     );
@@ -201,8 +201,8 @@ fn a_user_has_a_role_and_groups_that_exist() {
         .clone();
     assert_eq!(
         rights,
-        Rights {
-            role: Role::Operate,
+        UserRights {
+            role: UserRole::Operate,
             groups: Some([Name::new("water").unwrap()].into())
         }
     );

@@ -216,7 +216,7 @@ fn a_minimal_file_gets_its_defaults() {
     );
     assert_eq!(
         (line.framing, line.interface, line.silence),
-        (Framing::Rtu, Interface::Rs485, Silence::Auto)
+        (Framing::Rtu, Interface::Rs485, LineSilence::Auto)
     );
     assert_eq!(
         (line.min_request_gap, line.reply_timeout),
@@ -761,7 +761,7 @@ fn times_stay_in_their_range() {
         only(&text, &format!("line[0].{key} is out of range; {right}"));
     }
     let fixed = good(&line_with("silence = '0ms'")).lines[0].silence;
-    assert_eq!(fixed, Silence::Fixed(Duration::ZERO));
+    assert_eq!(fixed, LineSilence::Fixed(Duration::ZERO));
 }
 
 #[test]

@@ -1,11 +1,13 @@
 //! What a configuration may say hangs on the form and the quirks of its models; and models of the operator's own.
 
 use super::*;
-use crate::config::qualified::Standing;
+use crate::config::qualified::QualifiedStanding;
 use crate::domain::address::Address;
 use crate::domain::units::UnitOfMeasure;
-use crate::drive::description::Ratings;
-use crate::profile::model::{Access, Confidence, Fact, Memory, Model, Role};
+use crate::drive::description::DriveRatings;
+use crate::profile::model::{
+    Confidence, Fact, Model, RegisterAccess, RegisterMemory, RegisterRole,
+};
 
 const AT: &str = "line[0].drive[0]";
 
@@ -29,17 +31,21 @@ fn model(change: impl FnOnce(&mut Model)) -> Model {
 }
 
 /// What is settled for the drive of `CONTROLLED` with `from` replaced by `to`, if its model is `model`.
-fn settled(model: &Model, from: &str, to: &str) -> Result<(Ratings, Vec<u16>, bool), Vec<String>> {
+fn settled(
+    model: &Model,
+    from: &str,
+    to: &str,
+) -> Result<(DriveRatings, Vec<u16>, bool), Vec<String>> {
     let text = with(&with(CONTROLLED, "[\"F007\"]", "[]"), from, to);
     let mut problems = Vec::new();
     let file = read::read(&text, &mut problems).unwrap();
     let (line, drive) = (&file.lines[0], &file.lines[0].drives[0]);
-    let defaults = crate::config::mqtt::Defaults::default();
+    let defaults = crate::config::mqtt::DriveDefaults::default();
     let control = crate::config::control::settle(
         (line, drive),
         Some(model),
         defaults,
-        &Standing::Never,
+        &QualifiedStanding::Never,
         &mut problems,
     );
     let ratings = ratings::settle(drive, Some(model), &mut problems);
@@ -71,10 +77,10 @@ fn in_per_cent() -> Model {
         let output = it
             .registers
             .iter_mut()
-            .find(|it| it.role == Some(Role::OutputFrequency))
+            .find(|it| it.role == Some(RegisterRole::OutputFrequency))
             .unwrap();
         let mut current = output.clone();
-        current.role = Some(Role::OutputCurrent);
+        current.role = Some(RegisterRole::OutputCurrent);
         current.unit = UnitOfMeasure::Percent;
         current.address = 0x0102_u16.into();
         current.name = "output_current".to_owned();
@@ -91,7 +97,7 @@ fn rated_values_are_for_models_that_report_in_per_cent_of_them() {
     let model = in_per_cent();
     assert_eq!(
         rated(&model, "rated_current_a = 12.345"),
-        Ok(Ratings {
+        Ok(DriveRatings {
             current_ma: Some(12_345),
             voltage_mv: None
         })
@@ -102,7 +108,7 @@ fn rated_values_are_for_models_that_report_in_per_cent_of_them() {
             .current_ma,
         Some(100_000_000)
     );
-    assert_eq!(rated(&model, ""), Ok(Ratings::default()));
+    assert_eq!(rated(&model, ""), Ok(DriveRatings::default()));
     for (line, problem) in [
         (
             "rated_current_a = 0",
@@ -140,18 +146,18 @@ fn rated_values_are_for_models_that_report_in_per_cent_of_them() {
 fn what_stays_in_per_cent_is_known_with_the_key_that_changes_it() {
     let missing = |ratings| shown_in_per_cent(&in_per_cent(), &ratings).collect::<Vec<_>>();
     assert_eq!(
-        missing(Ratings::default()),
+        missing(DriveRatings::default()),
         [("current", "rated_current_a")]
     );
     assert_eq!(
-        missing(Ratings {
+        missing(DriveRatings {
             current_ma: Some(1),
             voltage_mv: None
         }),
         []
     );
     assert_eq!(
-        shown_in_per_cent(&model(|_| {}), &Ratings::default()).count(),
+        shown_in_per_cent(&model(|_| {}), &DriveRatings::default()).count(),
         0
     );
 }
@@ -211,7 +217,7 @@ fn control_is_handed_back_only_where_the_model_can_and_the_operator_wants_it() {
 fn a_stop_that_nobody_sees_is_not_controlled() {
     let blind = model(|it| {
         it.registers
-            .retain(|register| register.role != Some(Role::OutputFrequency))
+            .retain(|register| register.role != Some(RegisterRole::OutputFrequency))
     });
     let why = "acme-two cannot be controlled: its description has no output frequency that is polled, to see that a \
                stop takes effect; leave `control` out; the drive is then read-only";
@@ -228,7 +234,7 @@ fn with_twins() -> Model {
         let output = it
             .registers
             .iter()
-            .find(|it| it.role == Some(Role::OutputFrequency))
+            .find(|it| it.role == Some(RegisterRole::OutputFrequency))
             .unwrap()
             .clone();
         for (address, name, back_door) in [
@@ -238,7 +244,8 @@ fn with_twins() -> Model {
             let mut register = output.clone();
             register.address = Address::holding(address);
             (register.role, register.poll) = (None, None);
-            (register.access, register.memory) = (Access::ReadWrite, Some(Memory::Ram));
+            (register.access, register.memory) =
+                (RegisterAccess::ReadWrite, Some(RegisterMemory::Ram));
             (register.name, register.back_door) = (name.to_owned(), back_door.map(str::to_owned));
             it.registers.push(register);
         }

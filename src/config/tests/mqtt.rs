@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::domain::ids::Name;
-use crate::north::broker::{Qos, Version};
+use crate::north::broker::{MqttVersion, Qos};
 use crate::north::mqtt::LeaseMode;
 use std::path::PathBuf;
 
@@ -33,7 +33,7 @@ fn a_broker_is_all_that_must_be_named() {
             found.client_id.clone(),
             found.version
         ),
-        (None, None, Version::V5)
+        (None, None, MqttVersion::V5)
     );
     assert_eq!(
         (found.prefix.as_str(), found.lease),
@@ -116,7 +116,7 @@ fn everything_that_is_written_is_taken() {
     let password = Some(PasswordSource::File(PathBuf::from("/run/secrets/mqtt")));
     assert_eq!(
         found.credentials,
-        Some(Credentials {
+        Some(BrokerCredentials {
             user: "vfd".to_owned(),
             password
         })
@@ -131,7 +131,7 @@ fn everything_that_is_written_is_taken() {
     let explicit = mqtt(&over("embedded", "version = 4\nlease = 'explicit'"));
     assert_eq!(
         (explicit.broker, explicit.version),
-        (BrokerSettings::Embedded, Version::V4)
+        (BrokerSettings::Embedded, MqttVersion::V4)
     );
     assert_eq!(
         (explicit.lease, explicit.alive_topic),

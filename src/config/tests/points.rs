@@ -1,7 +1,7 @@
 //! How polled registers are published: dead bands, heartbeats, decimals, and which topics there are at all.
 
 use super::*;
-use crate::north::mqtt::Tree;
+use crate::north::mqtt::TopicTree;
 
 fn drive(table: &str) -> String {
     with(
@@ -125,9 +125,12 @@ fn heartbeats_and_decimals_are_those_of_polled_registers() {
 #[test]
 fn what_is_published_is_listed() {
     let listed = |list: &str| good(&publishing(list, "")).mqtt.unwrap().publish;
-    assert_eq!(good(CONTROLLED).mqtt.unwrap().publish, Tree::ALL);
+    assert_eq!(good(CONTROLLED).mqtt.unwrap().publish, TopicTree::ALL);
     assert_eq!(listed("[]"), []);
-    assert_eq!(listed("['values', 'state']"), [Tree::Values, Tree::State]);
+    assert_eq!(
+        listed("['values', 'state']"),
+        [TopicTree::Values, TopicTree::State]
+    );
     for (list, problem) in [
         (
             "['stat']",

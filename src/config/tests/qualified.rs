@@ -1,7 +1,7 @@
 //! What was tried at drives on the site, and what of it a configuration accepts.
 
 use super::*;
-use crate::config::qualified::{Finding, Qualified, QualifiedDrive, QualifiedFact};
+use crate::config::qualified::{QualifiedDrive, QualifiedFact, QualifiedResults, TrialFinding};
 use crate::config::{is_tried, is_unproven, load_at_site};
 use crate::domain::control::{ControlAction, ControlSettings};
 use std::sync::Arc;
@@ -30,8 +30,8 @@ fn text(lines: &str) -> String {
 }
 
 /// These actions were confirmed at the drive, when its model's file had this digest.
-fn tried(actions: &[ControlAction], digest: u64) -> Qualified {
-    let mut qualified = Qualified::default();
+fn tried(actions: &[ControlAction], digest: u64) -> QualifiedResults {
+    let mut qualified = QualifiedResults::default();
     let (line, model) = ("hall-1".to_owned(), "toshiba-vf-s15".to_owned());
     let drive = QualifiedDrive {
         line,
@@ -43,7 +43,7 @@ fn tried(actions: &[ControlAction], digest: u64) -> Qualified {
     for action in actions {
         let fact = QualifiedFact {
             action: *action,
-            result: Finding::Confirmed,
+            result: TrialFinding::Confirmed,
             by: "anna".to_owned(),
             at: "t".to_owned(),
         };
@@ -55,7 +55,7 @@ fn tried(actions: &[ControlAction], digest: u64) -> Qualified {
 /// The control section and the warnings, or all problems.
 fn loaded(
     text: &str,
-    site: Result<&Qualified, &str>,
+    site: Result<&QualifiedResults, &str>,
 ) -> Result<(Arc<ControlSettings>, Vec<String>), Vec<String>> {
     let told = |problems: &[Problem]| {
         problems
@@ -79,7 +79,7 @@ fn is_named(told: &[String], key: &str, words: &str) -> bool {
 
 #[test]
 fn a_drive_that_is_being_qualified_starts_with_warnings_and_accepts_nothing() {
-    let nothing = Qualified::default();
+    let nothing = QualifiedResults::default();
     let refused = loaded(&text(""), Ok(&nothing)).unwrap_err();
     assert!(
         is_named(&refused, ".accept_unverified", "takes no orders"),
@@ -121,13 +121,13 @@ fn a_motor_in_a_trial_can_be_stopped() {
         "on_commander_lost = \"stop\"",
         "on_commander_lost = \"hold\"",
     );
-    let refused = loaded(&hold, Ok(&Qualified::default())).unwrap_err();
+    let refused = loaded(&hold, Ok(&QualifiedResults::default())).unwrap_err();
     assert!(
         is_named(&refused, ".on_commander_lost", "would run on"),
         "{refused:?}"
     );
     let run = text("qualify = true\nbus = \"run\"");
-    let refused = loaded(&run, Ok(&Qualified::default())).unwrap_err();
+    let refused = loaded(&run, Ok(&QualifiedResults::default())).unwrap_err();
     assert!(is_named(&refused, ".bus", "over the bus"), "{refused:?}");
 }
 

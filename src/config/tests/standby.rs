@@ -1,7 +1,7 @@
 //! A second gateway on the same lines: every rule broken once, and all of them at once.
 
 use super::*;
-use crate::config::change::Change;
+use crate::config::change::ConfigChange;
 use crate::domain::ids::Name;
 use crate::domain::standby::{OnGatewayLost, StandbyPair};
 use crate::line::standby::StandbyTimes;
@@ -63,7 +63,7 @@ fn every_word_and_every_number_of_the_pair_is_taken() {
         let text = with(
             &pair(),
             "on_gateway_lost = \"stop\"",
-            &format!("on_gateway_lost = \"{}\"", action.word()),
+            &format!("on_gateway_lost = \"{}\"", action.keyword()),
         );
         let config = good(&text);
         assert_eq!(
@@ -395,7 +395,7 @@ fn a_changed_pair_restarts_its_lines() {
             "half" => with(&both, "half = \"a\"", to),
             _ => with(&both, "half = \"a\"\n", &format!("half = \"a\"\n{to}\n")),
         };
-        let change = Change::between(&old, &good(&new));
+        let change = ConfigChange::between(&old, &good(&new));
         assert_eq!(
             (&change.continues, &change.ended),
             (&vec![None, Some(1)], &vec![0]),
@@ -405,6 +405,6 @@ fn a_changed_pair_restarts_its_lines() {
         assert_eq!(told, ["standby: changed", "line hall-1: changed"]);
     }
     let alone = with(&both, "standby = true", "standby = false");
-    let change = Change::between(&old, &good(&alone));
+    let change = ConfigChange::between(&old, &good(&alone));
     assert_eq!(change.continues, [None, Some(1)]);
 }

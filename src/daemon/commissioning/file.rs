@@ -1,15 +1,15 @@
 //! The configuration file: what a change would make of it, and the change itself. The old file is kept beside the new one,
 //! and comes back if the gateway does not take the new one over.
 
-use super::wanted::{Wanted, WantedDrive};
-use super::{Commissioning, Judged, Refused};
-use crate::config::edit::{Edited, with_control, with_line};
+use super::wanted::{WantedAddition, WantedDrive};
+use super::{Commissioning, CommissioningRefusal, JudgedConfig};
+use crate::config::edit::{EditedText, with_control, with_line};
 use crate::config::line_plan;
 use crate::config::units::UNIFORM_ABOVE;
 use crate::config::written::{NewDrive, NewLine};
 use crate::config::{Config, LineSettings};
-use crate::daemon::exchange::reload_request::Applied;
-use crate::daemon::host::whole_files::{self, Readers};
+use crate::daemon::exchange::reload_request::AppliedReload;
+use crate::daemon::host::whole_files::{self, FileReaders};
 use crate::daemon::host::{clock, user_files};
 use crate::domain::calendar::rfc3339;
 use crate::domain::ids::UnitId;
@@ -27,16 +27,16 @@ use tokio::task::spawn_blocking;
 
 /// What a change would make of the file.
 #[derive(Debug)]
-pub struct Proposal {
+pub struct ConfigProposal {
     /// The digest of the file as it is.
     pub digest: String,
     /// The file as it would be.
-    pub edited: Edited,
+    pub edited: EditedText,
     /// The configuration that it would be, or its problems.
     pub config: Result<Config, Vec<Problem>>,
 }
 
-impl Proposal {
+impl ConfigProposal {
     /// What would be added.
     #[must_use]
     pub fn added(&self) -> &str {
@@ -70,24 +70,24 @@ impl Proposal {
 
 /// A change that is in force.
 #[derive(Debug)]
-pub struct Done {
+pub struct AppliedChange {
     /// Where the old file is.
     pub kept_as: PathBuf,
     /// What has changed.
-    pub applied: Applied,
+    pub applied: AppliedReload,
 }
 
 /// Why a change is not in force. The file is as it was.
 #[derive(Debug)]
 pub enum NotDone {
     /// It was refused.
-    Refused(Refused),
+    Refused(CommissioningRefusal),
     /// The file would have problems.
-    Problems(Box<Proposal>),
+    Problems(Box<ConfigProposal>),
 }
 
-impl From<Refused> for NotDone {
-    fn from(refused: Refused) -> Self {
+impl From<CommissioningRefusal> for NotDone {
+    fn from(refused: CommissioningRefusal) -> Self {
         Self::Refused(refused)
     }
 }
@@ -117,7 +117,7 @@ impl Commissioning {
     }
 
     /// What `text` would be as the file.
-    pub(super) async fn judged(&self, text: String) -> Result<Judged, String> {
+    pub(super) async fn judged(&self, text: String) -> Result<JudgedConfig, String> {
         let judge = Arc::clone(&self.site.judge);
         spawn_blocking(move || judge(&text))
             .await
@@ -128,13 +128,16 @@ impl Commissioning {
     ///
     /// # Errors
     /// The file cannot be read, or has problems.
-    pub async fn present(&self) -> Result<(Config, String), Refused> {
-        let text = self.text().await.map_err(Refused::InTheWay)?;
+    pub async fn present(&self) -> Result<(Config, String), CommissioningRefusal> {
+        let text = self.text().await.map_err(CommissioningRefusal::InTheWay)?;
         let digest = digest_of(&text);
-        let judged = self.judged(text).await.map_err(Refused::InTheWay)?;
+        let judged = self
+            .judged(text)
+            .await
+            .map_err(CommissioningRefusal::InTheWay)?;
         let wrong = |_| {
             let file = self.path().display();
-            Refused::InTheWay(format!(
+            CommissioningRefusal::InTheWay(format!(
                 "{file} has problems: see `vfd-gateway check -c {file}`"
             ))
         };
@@ -158,15 +161,18 @@ impl Commissioning {
     ///
     /// # Errors
     /// Why that cannot be said.
-    pub async fn proposal(&self, wanted: &Wanted) -> Result<Proposal, Refused> {
-        let text = self.text().await.map_err(Refused::InTheWay)?;
+    pub async fn proposal(
+        &self,
+        wanted: &WantedAddition,
+    ) -> Result<ConfigProposal, CommissioningRefusal> {
+        let text = self.text().await.map_err(CommissioningRefusal::InTheWay)?;
         let digest = digest_of(&text);
         let edited = match wanted {
-            Wanted::Line { name, drives } => {
+            WantedAddition::Line { name, drives } => {
                 let present = self
                     .judged(text.clone())
                     .await
-                    .map_err(Refused::InTheWay)?
+                    .map_err(CommissioningRefusal::InTheWay)?
                     .config
                     .ok();
                 with_line(
@@ -174,14 +180,14 @@ impl Commissioning {
                     &with_units(self.line(name, drives)?, present.as_ref()),
                 )
             }
-            Wanted::Control { drive, control } => with_control(&text, drive, control),
+            WantedAddition::Control { drive, control } => with_control(&text, drive, control),
         };
-        let edited = edited.map_err(|error| Refused::InTheWay(error.to_string()))?;
+        let edited = edited.map_err(|error| CommissioningRefusal::InTheWay(error.to_string()))?;
         let judged = self
             .judged(edited.text.clone())
             .await
-            .map_err(Refused::InTheWay)?;
-        Ok(Proposal {
+            .map_err(CommissioningRefusal::InTheWay)?;
+        Ok(ConfigProposal {
             digest,
             edited,
             config: judged.config,
@@ -192,12 +198,16 @@ impl Commissioning {
     ///
     /// # Errors
     /// Why nothing has changed.
-    pub async fn apply(&self, wanted: &Wanted, digest: &str) -> Result<Done, NotDone> {
+    pub async fn apply(
+        &self,
+        wanted: &WantedAddition,
+        digest: &str,
+    ) -> Result<AppliedChange, NotDone> {
         let _writing = self.writing.lock().await;
         let proposal = self.proposal(wanted).await?;
         if proposal.digest != digest {
             let file = self.path().display();
-            return Err(Refused::InTheWay(format!(
+            return Err(CommissioningRefusal::InTheWay(format!(
                 "{file} has changed since it was checked: check again"
             ))
             .into());
@@ -212,15 +222,15 @@ impl Commissioning {
             .map_err(io::Error::other);
         let (kept_as, old, readers) = written.and_then(|written| written).map_err(|error| {
             let why = self.why_not_written().unwrap_or_else(|| error.to_string());
-            Refused::InTheWay(format!("{}: {why}", self.path().display()))
+            CommissioningRefusal::InTheWay(format!("{}: {why}", self.path().display()))
         })?;
         match self.side.reload().await {
             Ok(applied) => {
                 // Its drives are on a line now.
-                if matches!(wanted, Wanted::Line { .. }) {
+                if matches!(wanted, WantedAddition::Line { .. }) {
                     self.forget().await;
                 }
-                Ok(Done { kept_as, applied })
+                Ok(AppliedChange { kept_as, applied })
             }
             Err(refusal) => {
                 let file = self.file();
@@ -239,7 +249,7 @@ impl Commissioning {
                         "and {file} could not be put back ({error}): do it before the next reload"
                     ),
                 };
-                Err(Refused::InTheWay(format!(
+                Err(CommissioningRefusal::InTheWay(format!(
                     "the gateway did not take it over: {refusal}; {end}"
                 ))
                 .into())
@@ -248,9 +258,13 @@ impl Commissioning {
     }
 
     /// The line that the last scan found, with those of its drives that are wanted.
-    fn line(&self, name: &str, drives: &[WantedDrive]) -> Result<NewLine, Refused> {
+    fn line(&self, name: &str, drives: &[WantedDrive]) -> Result<NewLine, CommissioningRefusal> {
         let scan = self.done()?;
-        let none = || Refused::NotThere("the scan found no drive whose model is known".to_owned());
+        let none = || {
+            CommissioningRefusal::NotThere(
+                "the scan found no drive whose model is known".to_owned(),
+            )
+        };
         let (number, setting) = scan.setting().ok_or_else(none)?;
         let progress = scan.progress();
         let new = |wanted: &WantedDrive| {
@@ -267,7 +281,7 @@ impl Commissioning {
             });
             let (model, why) = fit.ok_or_else(|| {
                 let (station, model) = (wanted.station, &wanted.model);
-                Refused::Wrong(format!(
+                CommissioningRefusal::Wrong(format!(
                     "the scan found no drive at station {station} that may be {model}"
                 ))
             })?;
@@ -284,7 +298,7 @@ impl Commissioning {
         let mut drives = drives
             .iter()
             .map(new)
-            .collect::<Result<Vec<_>, Refused>>()?;
+            .collect::<Result<Vec<_>, CommissioningRefusal>>()?;
         drives.sort_by_key(|drive| drive.station);
         Ok(NewLine {
             name: name.to_owned(),
@@ -348,12 +362,12 @@ fn digest_of(text: &str) -> String {
 }
 
 /// Puts `new` in place of the file, and the old one beside it. Returns where that is, its content and its readers.
-fn replaced(file: &Path, new: &str) -> io::Result<(PathBuf, Vec<u8>, Readers)> {
+fn replaced(file: &Path, new: &str) -> io::Result<(PathBuf, Vec<u8>, FileReaders)> {
     let old = user_files::bytes(file, user_files::BYTES_MAX)?;
     let readers = match fs::metadata(file)?.permissions().mode() {
-        mode if mode & 0o004 != 0 => Readers::All,
-        mode if mode & 0o040 != 0 => Readers::Group,
-        _ => Readers::Owner,
+        mode if mode & 0o004 != 0 => FileReaders::All,
+        mode if mode & 0o040 != 0 => FileReaders::Group,
+        _ => FileReaders::Owner,
     };
     let kept_as = beside(file);
     whole_files::create(&kept_as, &old, readers)?;

@@ -9,11 +9,11 @@ pub mod wanted;
 use crate::config::{self, Config, PortAddress};
 use crate::daemon::lines::tool_line::ToolPort;
 use crate::daemon::local::LocalSide;
-use crate::daemon::scan::plan::{Plan, ScanOptions, stations};
+use crate::daemon::scan::plan::{ScanOptions, ScanPlan, stations};
 use crate::domain::link::{DirectionControl, Parity};
 use crate::domain::problem::Problem;
 use crate::profile::catalog::Catalog;
-use running::{Running, ScanState};
+use running::{RunningScan, ScanState};
 use std::fmt;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -26,7 +26,7 @@ const ENDS_WITHIN: Duration = Duration::from_secs(5);
 
 /// What a text would be as the configuration.
 #[derive(Debug)]
-pub struct Judged {
+pub struct JudgedConfig {
     /// The models that it can name.
     pub catalog: Catalog,
     /// The configuration, or all its problems.
@@ -34,18 +34,18 @@ pub struct Judged {
 }
 
 /// Judges a text that might become the configuration file, or says why that is not possible. May block.
-pub type Judge = dyn Fn(&str) -> Result<Judged, String> + Send + Sync;
+pub type Judge = dyn Fn(&str) -> Result<JudgedConfig, String> + Send + Sync;
 
 /// The configuration file and who judges its contents.
 #[derive(Clone)]
-pub struct Site {
+pub struct ConfigSite {
     /// The file.
     pub file: PathBuf,
     /// Judges a text for it.
     pub judge: Arc<Judge>,
 }
 
-impl fmt::Debug for Site {
+impl fmt::Debug for ConfigSite {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Site")
             .field("file", &self.file)
@@ -73,7 +73,7 @@ pub enum Settings {
 
 /// Why something is refused, for people.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Refused {
+pub enum CommissioningRefusal {
     /// What was sent cannot be meant.
     #[error("{0}")]
     Wrong(String),
@@ -88,9 +88,9 @@ pub enum Refused {
 /// Commissioning of one gateway: one scan at a time, one change of the file at a time.
 #[derive(Debug)]
 pub struct Commissioning {
-    site: Site,
+    site: ConfigSite,
     side: Arc<LocalSide>,
-    scan: Mutex<Option<Arc<Running>>>,
+    scan: Mutex<Option<Arc<RunningScan>>>,
     /// For whatever uses a port.
     port: Arc<Semaphore>,
     writing: tokio::sync::Mutex<()>,
@@ -99,7 +99,7 @@ pub struct Commissioning {
 impl Commissioning {
     /// Commissioning of the gateway whose configuration is at `site` and whose lines are behind `side`.
     #[must_use]
-    pub fn new(site: Site, side: Arc<LocalSide>) -> Self {
+    pub fn new(site: ConfigSite, side: Arc<LocalSide>) -> Self {
         let port = Arc::new(Semaphore::new(1));
         Self {
             site,
@@ -118,7 +118,7 @@ impl Commissioning {
 
     /// The last scan, unless it was forgotten.
     #[must_use]
-    pub fn scan(&self) -> Option<Arc<Running>> {
+    pub fn scan(&self) -> Option<Arc<RunningScan>> {
         self.last().clone()
     }
 
@@ -131,10 +131,10 @@ impl Commissioning {
         port: &str,
         asked: &str,
         how: Settings,
-    ) -> Result<Arc<Running>, Refused> {
+    ) -> Result<Arc<RunningScan>, CommissioningRefusal> {
         let place = self.place()?;
-        let address = config::serial_port_address(port).map_err(Refused::Wrong)?;
-        let asked = stations(asked).map_err(Refused::Wrong)?;
+        let address = config::serial_port_address(port).map_err(CommissioningRefusal::Wrong)?;
+        let asked = stations(asked).map_err(CommissioningRefusal::Wrong)?;
         let is_network = matches!(address, PortAddress::Tcp { .. });
         let options = match how {
             _ if is_network => ScanOptions {
@@ -159,8 +159,10 @@ impl Commissioning {
         };
         let catalog = self.catalog().await?;
         let models: Vec<_> = catalog.models().cloned().collect();
-        let plan = Plan::new(&models, asked, &options);
-        let none = || Refused::Wrong("no model has such a setting: nothing to try".to_owned());
+        let plan = ScanPlan::new(&models, asked, &options);
+        let none = || {
+            CommissioningRefusal::Wrong("no model has such a setting: nothing to try".to_owned())
+        };
         let link = plan.settings.first().ok_or_else(none)?.link;
         let direction = DirectionControl::Adapter;
         let port = ToolPort {
@@ -170,8 +172,8 @@ impl Commissioning {
         };
         port.try_open(running::NAME)
             .await
-            .map_err(|error| Refused::InTheWay(error.to_string()))?;
-        let running = Arc::new(Running::new(port, plan));
+            .map_err(|error| CommissioningRefusal::InTheWay(error.to_string()))?;
+        let running = Arc::new(RunningScan::new(port, plan));
         *self.last() = Some(Arc::clone(&running));
         tokio::spawn(Arc::clone(&running).run(place));
         Ok(running)
@@ -191,29 +193,36 @@ impl Commissioning {
     ///
     /// # Errors
     /// It was not.
-    pub fn done(&self) -> Result<Arc<Running>, Refused> {
+    pub fn done(&self) -> Result<Arc<RunningScan>, CommissioningRefusal> {
         let scan = self
             .scan()
             .filter(|scan| scan.progress().state == ScanState::Done);
         scan.ok_or_else(|| {
-            Refused::InTheWay("no scan has been completed; scan the port first".to_owned())
+            CommissioningRefusal::InTheWay(
+                "no scan has been completed; scan the port first".to_owned(),
+            )
         })
     }
 
     /// The permission to use a port.
-    fn place(&self) -> Result<OwnedSemaphorePermit, Refused> {
-        let busy = || Refused::InTheWay("a scan or a read is under way already".to_owned());
+    fn place(&self) -> Result<OwnedSemaphorePermit, CommissioningRefusal> {
+        let busy =
+            || CommissioningRefusal::InTheWay("a scan or a read is under way already".to_owned());
         Arc::clone(&self.port)
             .try_acquire_owned()
             .map_err(|_| busy())
     }
 
-    async fn catalog(&self) -> Result<Catalog, Refused> {
-        let text = self.text().await.map_err(Refused::InTheWay)?;
-        Ok(self.judged(text).await.map_err(Refused::InTheWay)?.catalog)
+    async fn catalog(&self) -> Result<Catalog, CommissioningRefusal> {
+        let text = self.text().await.map_err(CommissioningRefusal::InTheWay)?;
+        Ok(self
+            .judged(text)
+            .await
+            .map_err(CommissioningRefusal::InTheWay)?
+            .catalog)
     }
 
-    fn last(&self) -> MutexGuard<'_, Option<Arc<Running>>> {
+    fn last(&self) -> MutexGuard<'_, Option<Arc<RunningScan>>> {
         self.scan.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

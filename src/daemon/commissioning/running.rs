@@ -2,8 +2,8 @@
 
 use crate::daemon::lines::tool_line::ToolPort;
 use crate::daemon::scan::asker::PortAsker;
-use crate::daemon::scan::plan::{Plan, Setting};
-use crate::daemon::scan::survey::{Event, Finding, Findings, Verdict, survey};
+use crate::daemon::scan::plan::{ScanPlan, ScanSetting};
+use crate::daemon::scan::survey::{FoundDrive, ModelVerdict, ScanEvent, ScanFindings, survey};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::{Notify, OwnedSemaphorePermit};
 
@@ -26,7 +26,7 @@ pub enum ScanState {
 impl ScanState {
     /// Its word.
     #[must_use]
-    pub const fn word(&self) -> &'static str {
+    pub const fn keyword(&self) -> &'static str {
         match self {
             Self::Running => "running",
             Self::Done => "done",
@@ -38,7 +38,7 @@ impl ScanState {
 
 /// What has been found so far.
 #[derive(Clone, Debug)]
-pub struct Progress {
+pub struct ScanProgress {
     /// How far it is.
     pub state: ScanState,
     /// The setting that is being tried, by its index in the plan; `None` before the first.
@@ -46,7 +46,7 @@ pub struct Progress {
     /// Reads that looked for drives.
     pub asked: usize,
     /// The drives so far, and more once it is done.
-    pub findings: Findings,
+    pub findings: ScanFindings,
     /// Drives whose model was searched for, by setting and station.
     pub judged: Vec<(usize, u8)>,
     /// The adapter echoes what is sent.
@@ -57,22 +57,22 @@ pub struct Progress {
 
 /// A scan.
 #[derive(Debug)]
-pub struct Running {
+pub struct RunningScan {
     port: ToolPort,
-    plan: Plan,
-    progress: Mutex<Progress>,
+    plan: ScanPlan,
+    progress: Mutex<ScanProgress>,
     ends: Notify,
 }
 
-impl Running {
+impl RunningScan {
     /// A scan of `port` that tries `plan`.
     #[must_use]
-    pub fn new(port: ToolPort, plan: Plan) -> Self {
-        let progress = Progress {
+    pub fn new(port: ToolPort, plan: ScanPlan) -> Self {
+        let progress = ScanProgress {
             state: ScanState::Running,
             setting: None,
             asked: 0,
-            findings: Findings::default(),
+            findings: ScanFindings::default(),
             judged: Vec::new(),
             echoes: false,
             late: 0,
@@ -93,19 +93,19 @@ impl Running {
 
     /// What is tried.
     #[must_use]
-    pub const fn plan(&self) -> &Plan {
+    pub const fn plan(&self) -> &ScanPlan {
         &self.plan
     }
 
     /// What has been found so far.
     #[must_use]
-    pub fn progress(&self) -> Progress {
+    pub fn progress(&self) -> ScanProgress {
         self.lock().clone()
     }
 
     /// The setting that most of the drives have, once the scan is done.
     #[must_use]
-    pub fn setting(&self) -> Option<(usize, &Setting)> {
+    pub fn setting(&self) -> Option<(usize, &ScanSetting)> {
         let progress = self.lock();
         if progress.state != ScanState::Done {
             return None;
@@ -117,7 +117,7 @@ impl Running {
     /// Runs to the end. `place` is released with the port.
     pub async fn run(self: Arc<Self>, place: OwnedSemaphorePermit) {
         let mut asker = PortAsker::new(self.port.clone());
-        let mut findings = Findings::default();
+        let mut findings = ScanFindings::default();
         let state = tokio::select! {
             ended = survey(&self.plan, &mut asker, &mut findings, |event| self.note(&event)) => match ended {
                 Ok(()) => ScanState::Done,
@@ -127,7 +127,7 @@ impl Running {
         };
         asker.close().await;
         let mut progress = self.lock();
-        tracing::info!(port = %self.port.address, drives = findings.drives.len(), state = state.word(), "scan from the page");
+        tracing::info!(port = %self.port.address, drives = findings.drives.len(), state = state.keyword(), "scan from the page");
         progress.findings = findings;
         progress.echoes = asker.echoes > 0;
         progress.late = asker.late;
@@ -141,26 +141,26 @@ impl Running {
         self.ends.notify_one();
     }
 
-    fn note(&self, event: &Event<'_>) {
+    fn note(&self, event: &ScanEvent<'_>) {
         let mut progress = self.lock();
         match event {
-            Event::Setting(number) => {
+            ScanEvent::Setting(number) => {
                 progress.asked = self.plan.asks_before(*number);
                 progress.setting = Some(*number);
             }
-            Event::Asked => progress.asked += 1,
-            Event::Answers(station) => {
+            ScanEvent::Asked => progress.asked += 1,
+            ScanEvent::Answers(station) => {
                 let setting = progress.setting.unwrap_or_default();
-                let verdict = Verdict::default();
-                progress.findings.drives.push(Finding {
+                let verdict = ModelVerdict::default();
+                progress.findings.drives.push(FoundDrive {
                     setting,
                     station: *station,
                     by_exception: false,
                     verdict,
                 });
             }
-            Event::Told(finding) => {
-                let of_station = |it: &&mut Finding| {
+            ScanEvent::Told(finding) => {
+                let of_station = |it: &&mut FoundDrive| {
                     (it.setting, it.station) == (finding.setting, finding.station)
                 };
                 if let Some(known) = progress.findings.drives.iter_mut().find(of_station) {
@@ -171,7 +171,7 @@ impl Running {
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, Progress> {
+    fn lock(&self) -> MutexGuard<'_, ScanProgress> {
         self.progress.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

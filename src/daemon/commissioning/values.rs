@@ -1,11 +1,11 @@
 //! Live values of a drive that a scan has found, read as its candidates describe them: a person compares them with what
 //! the drive's panel shows.
 
-use super::{Commissioning, Refused};
+use super::{Commissioning, CommissioningRefusal};
 use crate::daemon::scan::ScanError;
 use crate::daemon::scan::asker::PortAsker;
-use crate::daemon::scan::judge::Heard;
-use crate::daemon::scan::survey::Asker;
+use crate::daemon::scan::judge::ReadOutcome;
+use crate::daemon::scan::survey::LineAsker;
 use crate::domain::address::Address;
 use crate::domain::units::UnitOfMeasure;
 use crate::profile::model::{Model, PollClass, Register};
@@ -38,7 +38,7 @@ impl Commissioning {
         &self,
         station: u8,
         ids: &[String],
-    ) -> Result<Vec<(String, Vec<LiveValue>)>, Refused> {
+    ) -> Result<Vec<(String, Vec<LiveValue>)>, CommissioningRefusal> {
         let scan = self.done()?;
         let place = self.place()?;
         let progress = scan.progress();
@@ -53,8 +53,9 @@ impl Commissioning {
             .clone()
             .find(|finding| Some(finding.setting) == here)
             .or_else(|| of_station.next());
-        let finding = finding
-            .ok_or_else(|| Refused::NotThere(format!("no drive was found at station {station}")))?;
+        let finding = finding.ok_or_else(|| {
+            CommissioningRefusal::NotThere(format!("no drive was found at station {station}"))
+        })?;
         let fits = |id: &String| {
             finding
                 .verdict
@@ -68,11 +69,11 @@ impl Commissioning {
             let what = format!(
                 "1 to {MODELS_MAX} of the models that the scan names for station {station} are expected"
             );
-            return Err(Refused::Wrong(what));
+            return Err(CommissioningRefusal::Wrong(what));
         }
         let setting = scan.plan().settings.get(finding.setting);
-        let setting =
-            setting.ok_or_else(|| Refused::NotThere("the scan is out of date".to_owned()))?;
+        let setting = setting
+            .ok_or_else(|| CommissioningRefusal::NotThere("the scan is out of date".to_owned()))?;
         let mut asker = PortAsker::new(scan.port().clone());
         let read = async {
             asker.open(setting, &[station]).await?;
@@ -81,7 +82,7 @@ impl Commissioning {
         let heard = read.await;
         asker.close().await;
         drop(place);
-        let heard = heard.map_err(|error| Refused::InTheWay(error.to_string()))?;
+        let heard = heard.map_err(|error| CommissioningRefusal::InTheWay(error.to_string()))?;
         Ok(models
             .iter()
             .map(|model| (model.id.clone(), shown(model, &heard)))
@@ -89,11 +90,11 @@ impl Commissioning {
     }
 }
 
-type HeardAt = BTreeMap<Address, Heard>;
+type HeardAt = BTreeMap<Address, ReadOutcome>;
 
 /// Reads what the values of all `models` consist of, each word once.
 async fn read(
-    asker: &mut impl Asker,
+    asker: &mut impl LineAsker,
     station: u8,
     models: &[Arc<Model>],
 ) -> Result<HeardAt, ScanError> {
@@ -140,15 +141,15 @@ fn telling(model: &Model) -> Vec<&Register> {
 
 fn shown(model: &Model, heard: &HeardAt) -> Vec<LiveValue> {
     let word = |address: Address| match heard.get(&address) {
-        Some(Heard::Word(word)) => Some(*word),
+        Some(ReadOutcome::Word(word)) => Some(*word),
         _ => None,
     };
     let value = |register: &Register| {
         let text = match heard.get(&register.address) {
-            Some(Heard::Word(_)) => meant(register, word).ok_or("no value"),
-            Some(Heard::Exception(_)) => Err("refused"),
-            Some(Heard::Damaged) => Err("damaged"),
-            Some(Heard::Silent) | None => Err("no reply"),
+            Some(ReadOutcome::Word(_)) => meant(register, word).ok_or("no value"),
+            Some(ReadOutcome::Exception(_)) => Err("refused"),
+            Some(ReadOutcome::Damaged) => Err("damaged"),
+            Some(ReadOutcome::Silent) | None => Err("no reply"),
         };
         LiveValue {
             name: register.name.clone(),
@@ -179,8 +180,8 @@ mod tests {
         let model = catalog.find("hyundai-n700").unwrap();
         let registers = telling(model);
         let heard = HeardAt::from([
-            (registers[0].address, Heard::Word(5000)),
-            (registers[1].address, Heard::Exception(2)),
+            (registers[0].address, ReadOutcome::Word(5000)),
+            (registers[1].address, ReadOutcome::Exception(2)),
         ]);
         let shown = shown(model, &heard);
         assert!(

@@ -1,7 +1,7 @@
 //! What a person wants added to the configuration, as the page sends it. Everything that is not exactly known is refused
 //! by name.
 
-use super::Refused;
+use super::CommissioningRefusal;
 use crate::config::words::FAIL_SAFES;
 use crate::config::written::NewControl;
 use serde_json::{Map, Value};
@@ -15,7 +15,7 @@ const LOST_AFTER_MAX_S: u64 = 86_400;
 
 /// What is to be added.
 #[derive(Clone, Debug)]
-pub enum Wanted {
+pub enum WantedAddition {
     /// A line with drives that a scan has found.
     Line {
         /// Its name.
@@ -51,21 +51,21 @@ pub struct WantedDrive {
 ///
 /// # Errors
 /// What is wrong.
-pub fn wanted(body: &[u8]) -> Result<(Wanted, Option<String>), Refused> {
+pub fn wanted(body: &[u8]) -> Result<(WantedAddition, Option<String>), CommissioningRefusal> {
     let body: Value =
         serde_json::from_slice(body).map_err(|error| wrong(format!("no JSON: {error}")))?;
-    let mut body = Table::new("", &body)?;
+    let mut body = ObjectReader::new("", &body)?;
     let digest = body
         .optional("digest")
         .map(|value| text("digest", value))
         .transpose()?;
     let wanted = match body.optional("drive") {
-        Some(drive) => Wanted::Control {
+        Some(drive) => WantedAddition::Control {
             drive: text("drive", drive)?,
             control: control("control", body.required("control")?)?,
         },
         None => {
-            let mut line = Table::new("line", body.required("line")?)?;
+            let mut line = ObjectReader::new("line", body.required("line")?)?;
             let name = text("line.name", line.required("name")?)?;
             line.finish()?;
             let drives = body
@@ -77,7 +77,7 @@ pub fn wanted(body: &[u8]) -> Result<(Wanted, Option<String>), Refused> {
             let drives = (0..)
                 .zip(drives)
                 .map(|(at, it)| drive(&format!("drives[{at}]"), it));
-            Wanted::Line {
+            WantedAddition::Line {
                 name,
                 drives: drives.collect::<Result<_, _>>()?,
             }
@@ -87,8 +87,8 @@ pub fn wanted(body: &[u8]) -> Result<(Wanted, Option<String>), Refused> {
     Ok((wanted, digest))
 }
 
-fn drive(place: &str, value: &Value) -> Result<WantedDrive, Refused> {
-    let mut table = Table::new(place, value)?;
+fn drive(place: &str, value: &Value) -> Result<WantedDrive, CommissioningRefusal> {
+    let mut table = ObjectReader::new(place, value)?;
     let drive = WantedDrive {
         name: text(&format!("{place}.name"), table.required("name")?)?,
         station: table
@@ -111,8 +111,8 @@ fn drive(place: &str, value: &Value) -> Result<WantedDrive, Refused> {
     Ok(drive)
 }
 
-fn control(place: &str, value: &Value) -> Result<NewControl, Refused> {
-    let mut table = Table::new(place, value)?;
+fn control(place: &str, value: &Value) -> Result<NewControl, CommissioningRefusal> {
+    let mut table = ObjectReader::new(place, value)?;
     let at = |key: &str| format!("{place}.{key}");
     let from = table
         .required("from")?
@@ -174,7 +174,7 @@ fn control(place: &str, value: &Value) -> Result<NewControl, Refused> {
     })
 }
 
-fn frequency(place: &str, value: &Value) -> Result<f64, Refused> {
+fn frequency(place: &str, value: &Value) -> Result<f64, CommissioningRefusal> {
     let hz = value
         .as_f64()
         .filter(|hz| (0.0..=FREQUENCY_MAX_HZ).contains(hz));
@@ -186,7 +186,7 @@ fn frequency(place: &str, value: &Value) -> Result<f64, Refused> {
 }
 
 /// A text that stands in one line of a file, without control characters.
-fn text(place: &str, value: &Value) -> Result<String, Refused> {
+fn text(place: &str, value: &Value) -> Result<String, CommissioningRefusal> {
     let text = value
         .as_str()
         .filter(|text| text.len() <= 256 && !text.chars().any(char::is_control));
@@ -194,19 +194,19 @@ fn text(place: &str, value: &Value) -> Result<String, Refused> {
         .ok_or_else(|| wrong(format!("`{place}` must be a text of one line")))
 }
 
-fn wrong(what: String) -> Refused {
-    Refused::Wrong(what)
+fn wrong(what: String) -> CommissioningRefusal {
+    CommissioningRefusal::Wrong(what)
 }
 
 /// An object whose keys are taken one by one.
-struct Table<'v> {
+struct ObjectReader<'v> {
     place: String,
     keys: &'v Map<String, Value>,
     taken: Vec<&'static str>,
 }
 
-impl<'v> Table<'v> {
-    fn new(place: &str, value: &'v Value) -> Result<Self, Refused> {
+impl<'v> ObjectReader<'v> {
+    fn new(place: &str, value: &'v Value) -> Result<Self, CommissioningRefusal> {
         let object = || {
             wrong(format!(
                 "{} must be an object",
@@ -226,7 +226,7 @@ impl<'v> Table<'v> {
         self.keys.get(key).filter(|value| !value.is_null())
     }
 
-    fn required(&mut self, key: &'static str) -> Result<&'v Value, Refused> {
+    fn required(&mut self, key: &'static str) -> Result<&'v Value, CommissioningRefusal> {
         self.optional(key)
             .ok_or_else(|| wrong(format!("`{}` is missing", self.path(key))))
     }
@@ -240,7 +240,7 @@ impl<'v> Table<'v> {
     }
 
     /// Refuses keys that were not taken.
-    fn finish(self) -> Result<(), Refused> {
+    fn finish(self) -> Result<(), CommissioningRefusal> {
         match self
             .keys
             .keys()
@@ -282,7 +282,7 @@ mod tests {
         );
         body["digest"] = "d".into();
         let (found, digest) = wanted(body.to_string().as_bytes()).unwrap();
-        let Wanted::Line { name, drives } = found else {
+        let WantedAddition::Line { name, drives } = found else {
             panic!("a line")
         };
         let control = drives[0].control.clone().unwrap();
@@ -301,7 +301,7 @@ mod tests {
         assert!(!control.accepts_unproven, "it is asked for, never assumed");
         let given = json!({ "drive": "p1", "control": rules() });
         assert!(
-            matches!(wanted(given.to_string().as_bytes()), Ok((Wanted::Control { drive, .. }, None)) if drive == "p1")
+            matches!(wanted(given.to_string().as_bytes()), Ok((WantedAddition::Control { drive, .. }, None)) if drive == "p1")
         );
     }
 

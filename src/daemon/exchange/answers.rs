@@ -1,6 +1,6 @@
 //! The way back from the line threads to the north side.
 
-use crate::daemon::exchange::origin::Origin;
+use crate::daemon::exchange::origin::RowOrigin;
 use crate::daemon::host::clock;
 use crate::domain::command::CommandAnswer;
 use crate::domain::ids::AskerId;
@@ -16,7 +16,7 @@ use tokio::time::timeout;
 
 /// Something that a line reports to the north side.
 #[derive(Clone, Debug, PartialEq)]
-pub enum News {
+pub enum LineNews {
     /// The answer to a native request.
     Native(NativeAnswer),
     /// The outcome of a command, interim or final.
@@ -32,7 +32,7 @@ pub enum News {
     },
 }
 
-impl News {
+impl LineNews {
     /// Whom it is for.
     #[must_use]
     pub const fn asker(&self) -> AskerId {
@@ -49,33 +49,33 @@ impl News {
 /// faster than polls.
 #[derive(Debug, Default)]
 pub struct AnswerBox {
-    answers: Mutex<Answers>,
+    answers: Mutex<PendingAnswers>,
     bell: Notify,
     /// No one fetches answers.
     is_closed: AtomicBool,
 }
 
 #[derive(Debug, Default)]
-struct Answers {
-    ready: Vec<News>,
+struct PendingAnswers {
+    ready: Vec<LineNews>,
     /// Answers that wait until the row that led to them is kept.
-    held: Vec<Held>,
+    held: Vec<HeldAnswer>,
 }
 
 /// An answer that waits for a row of the journal.
 #[derive(Debug)]
-pub struct Held {
+pub struct HeldAnswer {
     /// The line that sent both.
-    pub origin: Arc<Origin>,
+    pub origin: Arc<RowOrigin>,
     /// The row.
     pub row: RowNumber,
     /// The answer is sent by then, whether the row is kept or not.
     pub until: MonoTime,
     /// The answer.
-    pub news: News,
+    pub news: LineNews,
 }
 
-impl Answers {
+impl PendingAnswers {
     /// Releases answers whose row is kept by now or whose time is over. Returns whether there were any.
     fn release(&mut self) -> bool {
         if self.held.is_empty() {
@@ -83,7 +83,7 @@ impl Answers {
         }
         let now = clock::now();
         let before = self.held.len();
-        let may_go = |held: &mut Held| held.origin.has_kept(held.row) || held.until <= now;
+        let may_go = |held: &mut HeldAnswer| held.origin.has_kept(held.row) || held.until <= now;
         self.ready
             .extend(self.held.extract_if(.., may_go).map(|held| held.news));
         self.held.len() < before
@@ -95,12 +95,12 @@ impl AnswerBox {
     pub fn set_open(&self, is_open: bool) {
         self.is_closed.store(!is_open, Ordering::SeqCst);
         if !is_open {
-            *self.lock() = Answers::default();
+            *self.lock() = PendingAnswers::default();
         }
     }
 
     /// Puts answers in, leaves `batch` empty, and wakes the north side once for all of them.
-    pub fn put(&self, batch: &mut Vec<News>) {
+    pub fn put(&self, batch: &mut Vec<LineNews>) {
         if self.is_closed.load(Ordering::SeqCst) {
             batch.clear();
         }
@@ -117,7 +117,7 @@ impl AnswerBox {
     }
 
     /// Adds an answer that waits for its row.
-    pub fn hold(&self, held: Held) {
+    pub fn hold(&self, held: HeldAnswer) {
         if self.is_closed.load(Ordering::SeqCst) {
             return;
         }
@@ -142,14 +142,14 @@ impl AnswerBox {
     }
 
     /// Swaps the queued answers for the empty `batch`.
-    pub fn take(&self, batch: &mut Vec<News>) {
+    pub fn take(&self, batch: &mut Vec<LineNews>) {
         let mut answers = self.lock();
         answers.release();
         std::mem::swap(&mut answers.ready, batch);
     }
 
     /// Waits for answers and swaps them for the empty `batch`, which may stay empty.
-    pub async fn fetch(&self, batch: &mut Vec<News>) {
+    pub async fn fetch(&self, batch: &mut Vec<LineNews>) {
         match self.next_release() {
             None => self.bell.notified().await,
             Some(until) => {
@@ -160,7 +160,7 @@ impl AnswerBox {
         self.take(batch);
     }
 
-    fn lock(&self) -> MutexGuard<'_, Answers> {
+    fn lock(&self) -> MutexGuard<'_, PendingAnswers> {
         self.answers.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

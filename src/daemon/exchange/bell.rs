@@ -4,14 +4,14 @@ use tokio::sync::Notify;
 
 /// A bell for both sides of the broker. Each is woken on its own: waking one does not consume the ring of the other.
 #[derive(Debug, Default)]
-pub struct Bell {
+pub struct BrokerBell {
     /// The MQTT side waits for it.
     pub mqtt: Notify,
     /// The Sparkplug side waits for it.
     pub sparkplug: Notify,
 }
 
-impl Bell {
+impl BrokerBell {
     /// Rings for both. A side that is busy is woken later.
     pub fn ring(&self) {
         self.mqtt.notify_one();

@@ -1,6 +1,6 @@
 //! Gives lines to the other gateway, and waits for what comes of it.
 
-use super::inbox::Message;
+use super::inbox::LineMessage;
 use super::shared::{SharedLine, StandbyShare};
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::standby::{LineRole, RANK_MAX, StandbyReport};
@@ -36,7 +36,7 @@ pub enum HandOver {
 impl HandOver {
     /// The machine-readable word.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::HandedOver => "handed_over",
             Self::TakenBack => "taken_back",
@@ -92,7 +92,7 @@ impl HandOver {
 }
 
 /// A line that was asked.
-struct Asked {
+struct AskedLine {
     line: Arc<SharedLine>,
     begun: StandbyReport,
     /// Until when the line is to have given itself up.
@@ -100,7 +100,7 @@ struct Asked {
     until: Instant,
 }
 
-impl Asked {
+impl AskedLine {
     /// What came of it, as far as it is known.
     fn ended(&self) -> Option<HandOver> {
         let now = self.line.report().standby;
@@ -142,7 +142,7 @@ pub async fn hand_over(lines: &[Arc<SharedLine>]) -> Vec<(Arc<SharedLine>, HandO
     ended
 }
 
-fn begin(line: &Arc<SharedLine>) -> Result<Asked, HandOver> {
+fn begin(line: &Arc<SharedLine>) -> Result<AskedLine, HandOver> {
     let share = line.standby.as_ref().ok_or(HandOver::Alone)?;
     let report = line.report().standby;
     let begun = report
@@ -151,9 +151,9 @@ fn begin(line: &Arc<SharedLine>) -> Result<Asked, HandOver> {
     let given_up_by = Instant::now() + GIVEN_UP_WITHIN;
     let until = given_up_by + longest(share);
     line.inbox
-        .put(Message::Yield)
+        .put(LineMessage::Yield)
         .map_err(|_| HandOver::QueueFull)?;
-    Ok(Asked {
+    Ok(AskedLine {
         line: Arc::clone(line),
         begun,
         given_up_by,

@@ -19,7 +19,7 @@ pub const GONE_MAX: usize = STOPS_MAX / 2;
 
 /// A message from the north side to a line.
 #[derive(Debug)]
-pub enum Message {
+pub enum LineMessage {
     /// A native request of a client.
     Native(NativeRequest),
     /// A native request of a client to write what the drive's model knows as a stop.
@@ -57,14 +57,14 @@ pub enum Message {
 
 /// The inbox is full; the message was not taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Full;
+pub struct InboxFull;
 
 /// A bounded inbox that wakes its line thread only if the thread has nothing else to wait for. While an exchange is on
 /// the wire or the silence before the next one runs, the thread cannot act on a message anyway and reads the inbox when
 /// that is over; waking it for each message would cost more than the message.
 #[derive(Debug, Default)]
-pub struct Inbox {
-    waiting: Mutex<Waiting>,
+pub struct LineInbox {
+    waiting: Mutex<WaitingMessages>,
     /// The line thread sleeps until the bell rings.
     is_idle: AtomicBool,
     is_closed: AtomicBool,
@@ -73,14 +73,14 @@ pub struct Inbox {
 
 /// What waits, and what has been accepted.
 #[derive(Debug, Default)]
-struct Waiting {
-    messages: Vec<Message>,
+struct WaitingMessages {
+    messages: Vec<LineMessage>,
     /// Orders and writes accepted so far, by drive, wrapping.
     orders: Vec<u64>,
 }
 
-impl Waiting {
-    fn push(&mut self, message: Message) {
+impl WaitingMessages {
+    fn push(&mut self, message: LineMessage) {
         if let Some(drive) = message.orders() {
             if self.orders.len() <= drive.get() {
                 self.orders.resize(drive.get() + 1, 0);
@@ -99,7 +99,7 @@ impl Waiting {
         // Wrapping: one less.
         dropped
             .iter()
-            .filter_map(Message::orders)
+            .filter_map(LineMessage::orders)
             .for_each(|drive| self.count(drive, u64::MAX));
     }
 
@@ -111,7 +111,7 @@ impl Waiting {
     }
 }
 
-impl Message {
+impl LineMessage {
     /// The drive for which it is an order or a write; `None` if it is neither, or only renews a lease.
     fn orders(&self) -> Option<DriveIndex> {
         match self {
@@ -124,16 +124,16 @@ impl Message {
     }
 }
 
-impl Inbox {
+impl LineInbox {
     /// Adds a message.
     ///
     /// # Errors
-    /// [`Full`] if too many messages wait, or the line has ended.
-    pub fn put(&self, message: Message) -> Result<(), Full> {
+    /// [`InboxFull`] if too many messages wait, or the line has ended.
+    pub fn put(&self, message: LineMessage) -> Result<(), InboxFull> {
         let mut waiting = self.lock();
         // Under the lock, so that no message is added after the last one is taken.
         if self.is_closed() || waiting.messages.len() >= room_for(&message) {
-            return Err(Full);
+            return Err(InboxFull);
         }
         waiting.push(message);
         drop(waiting);
@@ -144,9 +144,9 @@ impl Inbox {
     }
 
     /// Adds messages that the line thread finds together. Returns which of them were accepted.
-    pub fn put_together(&self, messages: impl IntoIterator<Item = Message>) -> Vec<bool> {
+    pub fn put_together(&self, messages: impl IntoIterator<Item = LineMessage>) -> Vec<bool> {
         let mut waiting = self.lock();
-        let mut take = |message: Message| {
+        let mut take = |message: LineMessage| {
             let is_taken = !self.is_closed() && waiting.messages.len() < room_for(&message);
             if is_taken {
                 waiting.push(message);
@@ -163,7 +163,7 @@ impl Inbox {
 
     /// Adds a message that must not be kept out, and wakes the line thread at once. If there is no room, all waiting
     /// messages are dropped except stops and messages added in this way.
-    pub fn put_surely(&self, message: Message) {
+    pub fn put_surely(&self, message: LineMessage) {
         let mut waiting = self.lock();
         if waiting.messages.len() >= room_for(&message) {
             waiting.make_room();
@@ -199,7 +199,7 @@ impl Inbox {
     }
 
     /// Swaps the messages for the empty `batch`.
-    pub fn take(&self, batch: &mut Vec<Message>) {
+    pub fn take(&self, batch: &mut Vec<LineMessage>) {
         std::mem::swap(&mut self.lock().messages, batch);
     }
 
@@ -222,35 +222,35 @@ impl Inbox {
         self.lock().orders.get(drive.get()).copied().unwrap_or(0)
     }
 
-    fn lock(&self) -> MutexGuard<'_, Waiting> {
+    fn lock(&self) -> MutexGuard<'_, WaitingMessages> {
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 /// Whether it is a stop or a message of the gateway itself.
-const fn stays(message: &Message) -> bool {
+const fn stays(message: &LineMessage) -> bool {
     match message {
-        Message::Command(command) => command.order.is_stop(),
-        Message::NativeStop(_)
-        | Message::Shutdown
-        | Message::Hurry
-        | Message::Leave { .. }
-        | Message::Stay
-        | Message::Yield => true,
+        LineMessage::Command(command) => command.order.is_stop(),
+        LineMessage::NativeStop(_)
+        | LineMessage::Shutdown
+        | LineMessage::Hurry
+        | LineMessage::Leave { .. }
+        | LineMessage::Stay
+        | LineMessage::Yield => true,
         _ => false,
     }
 }
 
-const fn room_for(message: &Message) -> usize {
+const fn room_for(message: &LineMessage) -> usize {
     match message {
-        Message::Native(NativeRequest {
+        LineMessage::Native(NativeRequest {
             ask: NativeAsk::Read { .. },
             ..
         }) => INBOX_MAX,
-        message if stays(message) || matches!(message, Message::Kept(_)) => {
+        message if stays(message) || matches!(message, LineMessage::Kept(_)) => {
             INBOX_MAX + COMMANDS_MAX + STOPS_MAX
         }
-        Message::AskerGone(_) => INBOX_MAX + COMMANDS_MAX + GONE_MAX,
+        LineMessage::AskerGone(_) => INBOX_MAX + COMMANDS_MAX + GONE_MAX,
         _ => INBOX_MAX + COMMANDS_MAX,
     }
 }
@@ -259,23 +259,23 @@ const fn room_for(message: &Message) -> usize {
 mod tests {
     use super::*;
     use crate::daemon::testing::Sleeper;
-    use crate::domain::command::{Manner, Origin, Rights};
+    use crate::domain::command::{OrderManner, Origin, Rights};
     use crate::domain::ids::Ticket;
     use crate::domain::time::MonoTime;
     use std::sync::Arc;
     use std::time::Duration;
 
-    const GONE: Message = Message::AskerGone(AskerId(1));
+    const GONE: LineMessage = LineMessage::AskerGone(AskerId(1));
 
     /// A write that stops.
-    fn stop() -> Message {
+    fn stop() -> LineMessage {
         let origin = Origin {
             owner: Owner::Mqtt,
             rights: Rights {
                 write: true,
                 stop: true,
             },
-            manner: Manner::Once,
+            manner: OrderManner::Once,
         };
         let ask = NativeAsk::Write {
             address: 2_u16.into(),
@@ -285,7 +285,7 @@ mod tests {
         let ticket = Ticket(1);
         let drive = DriveIndex(0);
         let deadline = MonoTime::NEVER;
-        Message::NativeStop(NativeRequest {
+        LineMessage::NativeStop(NativeRequest {
             asker,
             ticket,
             drive,
@@ -297,7 +297,7 @@ mod tests {
 
     #[test]
     fn who_sleeps_until_called_is_called() {
-        let inbox = Inbox::default();
+        let inbox = LineInbox::default();
         assert!(inbox.may_sleep(true));
         inbox.put(GONE).unwrap();
         let mut called = std::pin::pin!(inbox.called());
@@ -307,26 +307,26 @@ mod tests {
 
     #[test]
     fn orders_count_for_their_drive_until_they_are_dropped() {
-        let inbox = Inbox::default();
+        let inbox = LineInbox::default();
         let orders = || [0, 1].map(|drive| inbox.orders(DriveIndex(drive)));
         let write = |drive: u16| {
-            let Message::NativeStop(request) = stop() else {
+            let LineMessage::NativeStop(request) = stop() else {
                 panic!("a stop")
             };
-            Message::Native(NativeRequest {
+            LineMessage::Native(NativeRequest {
                 drive: DriveIndex(drive),
                 ..request
             })
         };
         let read = |drive: u16| {
-            let Message::Native(request) = write(drive) else {
+            let LineMessage::Native(request) = write(drive) else {
                 panic!("a write")
             };
             let ask = NativeAsk::Read {
                 address: 2_u16.into(),
                 count: 1,
             };
-            Message::Native(NativeRequest { ask, ..request })
+            LineMessage::Native(NativeRequest { ask, ..request })
         };
         inbox.put(read(0)).unwrap();
         inbox.put(GONE).unwrap();
@@ -340,13 +340,13 @@ mod tests {
         while inbox.put(write(0)).is_ok() {}
         while inbox.put(stop()).is_ok() {}
         let full = orders()[0];
-        inbox.put_surely(Message::Shutdown);
+        inbox.put_surely(LineMessage::Shutdown);
         assert_eq!(orders(), [full - (INBOX_MAX + COMMANDS_MAX) as u64, 2]);
     }
 
     #[test]
     fn what_came_before_the_sleep_keeps_awake() {
-        let inbox = Inbox::default();
+        let inbox = LineInbox::default();
         inbox.put(GONE).unwrap();
         assert!(inbox.may_sleep(false), "it looks by itself soon");
         assert!(!inbox.may_sleep(true));
@@ -358,49 +358,54 @@ mod tests {
 
     #[test]
     fn it_is_bounded() {
-        let inbox = Inbox::default();
+        let inbox = LineInbox::default();
         for _ in 0..INBOX_MAX + COMMANDS_MAX {
-            inbox.put(Message::PathAlive(Owner::Mqtt)).unwrap();
+            inbox.put(LineMessage::PathAlive(Owner::Mqtt)).unwrap();
         }
-        assert_eq!(inbox.put(Message::PathAlive(Owner::Mqtt)), Err(Full));
+        assert_eq!(
+            inbox.put(LineMessage::PathAlive(Owner::Mqtt)),
+            Err(InboxFull)
+        );
         for _ in 0..GONE_MAX {
             inbox.put(GONE).unwrap();
         }
         assert_eq!(
             inbox.put(GONE),
-            Err(Full),
+            Err(InboxFull),
             "however many clients leave, stops find room"
         );
         for _ in GONE_MAX..STOPS_MAX {
-            inbox.put(Message::Kept(RowNumber::default())).unwrap();
+            inbox.put(LineMessage::Kept(RowNumber::default())).unwrap();
         }
-        assert_eq!(inbox.put(stop()), Err(Full));
-        inbox.put_surely(Message::Shutdown);
+        assert_eq!(inbox.put(stop()), Err(InboxFull));
+        inbox.put_surely(LineMessage::Shutdown);
         let mut batch = Vec::new();
         inbox.take(&mut batch);
         assert!(
-            matches!(batch.as_slice(), [Message::Shutdown]),
+            matches!(batch.as_slice(), [LineMessage::Shutdown]),
             "whoever floods the line does not keep its end out"
         );
     }
 
     #[test]
     fn neither_a_stop_nor_the_end_gives_way() {
-        let inbox = Inbox::default();
+        let inbox = LineInbox::default();
         for _ in 0..INBOX_MAX + COMMANDS_MAX {
-            inbox.put(Message::PathAlive(Owner::Mqtt)).unwrap();
+            inbox.put(LineMessage::PathAlive(Owner::Mqtt)).unwrap();
         }
         (0..STOPS_MAX).for_each(|_| inbox.put(stop()).unwrap());
-        inbox.put_surely(Message::Shutdown);
-        inbox.put_surely(Message::Hurry);
+        inbox.put_surely(LineMessage::Shutdown);
+        inbox.put_surely(LineMessage::Hurry);
         let mut batch = Vec::new();
         inbox.take(&mut batch);
         let (stops, rest) = batch.split_at(STOPS_MAX);
         assert!(
-            stops.iter().all(|it| matches!(it, Message::NativeStop(_))),
+            stops
+                .iter()
+                .all(|it| matches!(it, LineMessage::NativeStop(_))),
             "of which somebody waits for the answer"
         );
-        assert!(matches!(rest, [Message::Shutdown, Message::Hurry]));
+        assert!(matches!(rest, [LineMessage::Shutdown, LineMessage::Hurry]));
     }
 
     /// So a stop for all drives of an idle line is one frame, whenever its thread reads the inbox.
@@ -413,7 +418,7 @@ mod tests {
             std::thread::sleep(Duration::from_micros(100));
             stop()
         };
-        let inbox = Inbox::default();
+        let inbox = LineInbox::default();
         std::thread::scope(|threads| {
             threads.spawn(|| {
                 for _ in 0..TIMES {
@@ -439,7 +444,7 @@ mod tests {
 
     #[test]
     fn a_line_that_looks_as_soon_as_it_is_called_finds_all_that_was_put_together() {
-        let inbox = Arc::<Inbox>::default();
+        let inbox = Arc::<LineInbox>::default();
         let sleeper = Sleeper::new(&inbox);
         assert_eq!(inbox.put_together([stop(), stop(), stop()]), [true; 3]);
         assert_eq!(sleeper.found(), 3);
@@ -447,7 +452,7 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_of_those_put_together_is_reported() {
-        let inbox = Inbox::default();
+        let inbox = LineInbox::default();
         let room = INBOX_MAX + COMMANDS_MAX + STOPS_MAX;
         (1..room).for_each(|_| inbox.put(stop()).unwrap());
         assert_eq!(inbox.put_together([stop(), stop()]), [true, false]);
@@ -457,8 +462,8 @@ mod tests {
 
     #[test]
     fn a_line_that_ends_takes_nothing_more() {
-        let inbox = Inbox::default();
+        let inbox = LineInbox::default();
         inbox.close();
-        assert_eq!(inbox.put(GONE), Err(Full));
+        assert_eq!(inbox.put(GONE), Err(InboxFull));
     }
 }

@@ -1,6 +1,6 @@
 //! The origin of rows: a line from its start to its end.
 
-use crate::daemon::exchange::inbox::Inbox;
+use crate::daemon::exchange::inbox::LineInbox;
 use crate::domain::ids::Name;
 use crate::drive::description::DriveDescription;
 use crate::journal::RowNumber;
@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A line from its start to its end.
 #[derive(Debug)]
-pub struct Origin {
+pub struct RowOrigin {
     /// Its number among those who write to the journal.
     pub id: u64,
     /// The name of the line.
@@ -17,19 +17,19 @@ pub struct Origin {
     /// Its drives, in order.
     pub drives: Vec<DriveDescription>,
     /// The line's inbox, which is notified of what is kept.
-    pub inbox: Arc<Inbox>,
+    pub inbox: Arc<LineInbox>,
     /// The number up to which all its rows are kept.
     kept: AtomicU64,
 }
 
-impl Origin {
+impl RowOrigin {
     /// A line without rows.
     #[must_use]
     pub const fn new(
         id: u64,
         line: Name,
         drives: Vec<DriveDescription>,
-        inbox: Arc<Inbox>,
+        inbox: Arc<LineInbox>,
     ) -> Self {
         Self {
             id,

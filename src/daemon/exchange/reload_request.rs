@@ -9,11 +9,11 @@ use tokio::sync::{mpsc, oneshot};
 const WAITING_MAX: usize = 4;
 
 /// The outcome of a reload.
-pub type Reloaded = Result<Applied, Refusal>;
+pub type Reloaded = Result<AppliedReload, ReloadRefusal>;
 
 /// A configuration that was reloaded.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Applied {
+pub struct AppliedReload {
     /// What has changed.
     pub changes: Vec<ChangeNote>,
     /// Parts of the file without effect.
@@ -22,18 +22,18 @@ pub struct Applied {
 
 /// Why nothing has changed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Refusal {
+pub enum ReloadRefusal {
     /// The file has problems.
     #[error("{0}")]
     Configuration(String),
     /// Drives that would be removed are in use.
     #[error(
         "{} in use: stop what would be removed or have its line restarted, or set `on_removal = \"stop\"` in [gateway]",
-        Named(.0)
+        NamesWithVerb(.0)
     )]
     InUse(Vec<String>),
     /// Drives were stopped before their removal, without effect so far.
-    #[error("{} being stopped without effect so far: nothing is removed, and the stop continues", Named(.0))]
+    #[error("{} being stopped without effect so far: nothing is removed, and the stop continues", NamesWithVerb(.0))]
     NoEffect(Vec<String>),
     /// Only a restart changes this.
     #[error("{} cannot be changed while the gateway runs; restart it", .0.join(" and "))]
@@ -52,10 +52,10 @@ pub enum Refusal {
     Ending,
 }
 
-impl Refusal {
+impl ReloadRefusal {
     /// A machine-readable word.
     #[must_use]
-    pub const fn word(&self) -> &'static str {
+    pub const fn keyword(&self) -> &'static str {
         match self {
             Self::Configuration(_) => "configuration",
             Self::InUse(_) => "in_use",
@@ -79,9 +79,9 @@ impl Refusal {
 }
 
 /// Names with their verb.
-struct Named<'n>(&'n [String]);
+struct NamesWithVerb<'n>(&'n [String]);
 
-impl fmt::Display for Named<'_> {
+impl fmt::Display for NamesWithVerb<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (noun, verb) = if self.0.len() == 1 {
             ("drive", "is")
@@ -94,9 +94,9 @@ impl fmt::Display for Named<'_> {
 
 /// A handle to request reloads.
 #[derive(Clone, Debug)]
-pub struct Reloads(mpsc::Sender<oneshot::Sender<Reloaded>>);
+pub struct ReloadRequests(mpsc::Sender<oneshot::Sender<Reloaded>>);
 
-impl Reloads {
+impl ReloadRequests {
     /// A handle, and the receiver of its requests.
     #[must_use]
     pub fn channel() -> (Self, mpsc::Receiver<oneshot::Sender<Reloaded>>) {
@@ -111,9 +111,9 @@ impl Reloads {
     pub async fn ask(&self) -> Reloaded {
         let (tell, told) = oneshot::channel();
         self.0.try_send(tell).map_err(|error| match error {
-            mpsc::error::TrySendError::Full(_) => Refusal::Busy,
-            mpsc::error::TrySendError::Closed(_) => Refusal::Ending,
+            mpsc::error::TrySendError::Full(_) => ReloadRefusal::Busy,
+            mpsc::error::TrySendError::Closed(_) => ReloadRefusal::Ending,
         })?;
-        told.await.unwrap_or(Err(Refusal::Ending))
+        told.await.unwrap_or(Err(ReloadRefusal::Ending))
     }
 }

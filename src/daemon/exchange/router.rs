@@ -1,8 +1,8 @@
 //! Maps a unit on Modbus TCP to what answers for it: a drive on its line, a view, or the gateway itself.
 
 use crate::config::ListenerSettings;
-use crate::daemon::exchange::inbox::Inbox;
-use crate::daemon::exchange::shared::{Shared, SharedDrive};
+use crate::daemon::exchange::inbox::LineInbox;
+use crate::daemon::exchange::shared::{SharedDrive, SharedPlant};
 use crate::daemon::host::clock;
 use crate::domain::ids::UnitId;
 use crate::domain::report::LineReport;
@@ -10,7 +10,7 @@ use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveRef;
 use crate::drive::view::DriveView;
-use crate::north::modbus::{Ask, Uniform, native, own};
+use crate::north::modbus::{ModbusRequest, UniformUnit, native, own};
 use std::sync::Arc;
 
 /// Units that a request can address.
@@ -18,20 +18,20 @@ const UNITS: usize = 256;
 
 /// The uniform units of all drives, made ready once for all listeners.
 #[derive(Clone, Debug)]
-pub struct Units {
-    shared: Arc<Shared>,
-    uniform: Arc<[Uniform]>,
+pub struct UniformUnits {
+    shared: Arc<SharedPlant>,
+    uniform: Arc<[UniformUnit]>,
     started: MonoTime,
 }
 
-impl Units {
+impl UniformUnits {
     /// The units of the drives in `shared`. The gateway counts its time from here.
     #[must_use]
-    pub fn new(shared: &Arc<Shared>) -> Self {
+    pub fn new(shared: &Arc<SharedPlant>) -> Self {
         let uniform = shared
             .drives
             .iter()
-            .map(|drive| Uniform::new(&drive.description))
+            .map(|drive| UniformUnit::new(&drive.description))
             .collect();
         Self {
             shared: Arc::clone(shared),
@@ -42,7 +42,7 @@ impl Units {
 
     /// The units of the same gateway after a change of its configuration.
     #[must_use]
-    pub fn changed_to(&self, shared: &Arc<Shared>) -> Self {
+    pub fn changed_to(&self, shared: &Arc<SharedPlant>) -> Self {
         Self {
             started: self.started,
             ..Self::new(shared)
@@ -52,19 +52,19 @@ impl Units {
 
 /// Where the units of one listener lead to.
 #[derive(Debug)]
-pub struct Router {
-    units: Units,
+pub struct UnitRouter {
+    units: UniformUnits,
     /// By unit.
-    routes: [Option<Route>; UNITS],
+    routes: [Option<UnitRoute>; UNITS],
     /// By line: whether this listener serves it.
     serves: Vec<bool>,
     /// By drive: whether one of its units answers here.
     serves_drive: Vec<bool>,
 }
 
-/// Where a unit leads to. The place is that of the drive in [`Shared::drives`].
+/// Where a unit leads to. The place is that of the drive in [`SharedPlant::drives`].
 #[derive(Clone, Copy, Debug)]
-enum Route {
+enum UnitRoute {
     Native(usize),
     Uniform(usize),
     Own,
@@ -72,32 +72,32 @@ enum Route {
 
 /// What answers for a unit.
 #[derive(Clone, Copy, Debug)]
-pub enum Target<'a> {
+pub enum UnitTarget<'a> {
     /// A drive by its own registers.
-    Native(Drive<'a>),
+    Native(UnitDrive<'a>),
     /// A drive by the uniform map: its place among all drives.
-    Uniform(Drive<'a>),
+    Uniform(UnitDrive<'a>),
     /// The gateway itself.
     Own,
 }
 
 /// One drive behind a unit.
 #[derive(Clone, Copy, Debug)]
-pub struct Drive<'a> {
+pub struct UnitDrive<'a> {
     /// Its place among all drives.
     pub place: usize,
     /// Its unit.
-    pub unit: &'a Uniform,
+    pub unit: &'a UniformUnit,
     /// Its view.
     pub shared: &'a SharedDrive,
     /// The way to it.
-    pub inbox: &'a Inbox,
+    pub inbox: &'a LineInbox,
 }
 
-impl Router {
+impl UnitRouter {
     /// The routes of `listener`. If a native and a uniform unit have the same number, the native one wins.
     #[must_use]
-    pub fn new(listener: &ListenerSettings, units: Units) -> Self {
+    pub fn new(listener: &ListenerSettings, units: UniformUnits) -> Self {
         let serves: Vec<bool> = (0..units.shared.lines.len())
             .map(|line| listener.serves(line))
             .collect();
@@ -114,19 +114,23 @@ impl Router {
             let all = units.shared.drives.iter().enumerate();
             all.filter(|(place, _)| serves_drive.get(*place) == Some(&true))
         };
-        let mut lead = |unit: u8, route: Route| {
+        let mut lead = |unit: u8, route: UnitRoute| {
             let is_listed = UnitId::new(unit).is_none_or(|unit| listener.answers_at(unit));
             if is_listed && let Some(entry) = routes.get_mut(usize::from(unit)) {
                 *entry = Some(route);
             }
         };
         drives().for_each(|(place, drive)| {
-            lead(drive.description.uniform_unit.get(), Route::Uniform(place))
+            lead(
+                drive.description.uniform_unit.get(),
+                UnitRoute::Uniform(place),
+            )
         });
-        drives()
-            .for_each(|(place, drive)| lead(drive.description.unit.get(), Route::Native(place)));
-        lead(own::UNIT, Route::Own);
-        lead(own::BROADCAST, Route::Own);
+        drives().for_each(|(place, drive)| {
+            lead(drive.description.unit.get(), UnitRoute::Native(place))
+        });
+        lead(own::UNIT, UnitRoute::Own);
+        lead(own::BROADCAST, UnitRoute::Own);
         Self {
             units,
             routes,
@@ -137,17 +141,17 @@ impl Router {
 
     /// Lines and drives.
     #[must_use]
-    pub fn shared(&self) -> &Shared {
+    pub fn shared(&self) -> &SharedPlant {
         &self.units.shared
     }
 
     /// What answers for `unit`; `None` if there is no such unit.
     #[must_use]
-    pub fn find(&self, unit: u8) -> Option<Target<'_>> {
+    pub fn find(&self, unit: u8) -> Option<UnitTarget<'_>> {
         Some(match (*self.routes.get(usize::from(unit))?)? {
-            Route::Native(place) => Target::Native(self.drive_at(place)?),
-            Route::Uniform(place) => Target::Uniform(self.drive_at(place)?),
-            Route::Own => Target::Own,
+            UnitRoute::Native(place) => UnitTarget::Native(self.drive_at(place)?),
+            UnitRoute::Uniform(place) => UnitTarget::Uniform(self.drive_at(place)?),
+            UnitRoute::Own => UnitTarget::Own,
         })
     }
 
@@ -155,30 +159,30 @@ impl Router {
     #[must_use]
     pub fn drive_of(&self, unit: u8) -> Option<DriveRef> {
         match self.routes.get(usize::from(unit)).copied().flatten()? {
-            Route::Native(place) | Route::Uniform(place) => {
+            UnitRoute::Native(place) | UnitRoute::Uniform(place) => {
                 Some(self.drive_at(place)?.shared.description.place)
             }
-            Route::Own => None,
+            UnitRoute::Own => None,
         }
     }
 
     /// Whether `ask` orders something to stop.
     #[must_use]
-    pub fn is_stop(&self, unit: u8, ask: &Ask) -> bool {
+    pub fn is_stop(&self, unit: u8, ask: &ModbusRequest) -> bool {
         match self.routes.get(usize::from(unit)).copied().flatten() {
-            Some(Route::Native(place)) => self
+            Some(UnitRoute::Native(place)) => self
                 .drive_at(place)
                 .is_some_and(|drive| native::is_stop(&drive.shared.description.model, ask)),
-            Some(Route::Uniform(place)) => self
+            Some(UnitRoute::Uniform(place)) => self
                 .drive_at(place)
                 .is_some_and(|drive| drive.unit.is_stop(ask, &drive.shared.view.load())),
-            Some(Route::Own) => own::is_stop(unit, ask),
+            Some(UnitRoute::Own) => own::is_stop(unit, ask),
             None => false,
         }
     }
 
     /// The drives that this listener serves and that have control.
-    pub fn controlled(&self) -> impl Iterator<Item = Drive<'_>> {
+    pub fn controlled(&self) -> impl Iterator<Item = UnitDrive<'_>> {
         let places = 0..self.units.shared.drives.len();
         places
             .filter(|place| self.serves_drive(*place))
@@ -193,7 +197,7 @@ impl Router {
     }
 
     /// The inboxes of all lines.
-    pub fn inboxes(&self) -> impl Iterator<Item = &Inbox> {
+    pub fn inboxes(&self) -> impl Iterator<Item = &LineInbox> {
         self.units
             .shared
             .lines
@@ -201,10 +205,10 @@ impl Router {
             .map(|line| line.inbox.as_ref())
     }
 
-    fn drive_at(&self, place: usize) -> Option<Drive<'_>> {
+    fn drive_at(&self, place: usize) -> Option<UnitDrive<'_>> {
         let shared = self.units.shared.drives.get(place)?;
         let unit = self.units.uniform.get(place)?;
-        Some(Drive {
+        Some(UnitDrive {
             place,
             unit,
             shared,
@@ -217,7 +221,7 @@ impl Router {
     }
 }
 
-impl own::Gateway for Router {
+impl own::ServedGateway for UnitRouter {
     fn lines(&self) -> usize {
         self.units.shared.lines.len()
     }
@@ -233,7 +237,7 @@ impl own::Gateway for Router {
         self.units.shared.drives.len()
     }
 
-    fn drive(&self, place: usize) -> Option<(&Uniform, Arc<DriveView>)> {
+    fn drive(&self, place: usize) -> Option<(&UniformUnit, Arc<DriveView>)> {
         if !self.serves_drive(place) {
             return None;
         }

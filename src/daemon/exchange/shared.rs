@@ -1,9 +1,9 @@
 //! What the north sides read and the lines write: a view of each drive, a report of each line.
 
-use crate::daemon::exchange::bell::Bell;
-use crate::daemon::exchange::inbox::{Inbox, Message};
+use crate::daemon::exchange::bell::BrokerBell;
+use crate::daemon::exchange::inbox::{LineInbox, LineMessage};
 use crate::daemon::exchange::role::SharedRole;
-use crate::daemon::exchange::traffic::Traffic;
+use crate::daemon::exchange::traffic::LineTraffic;
 use crate::domain::command::CommandRequest;
 use crate::domain::ids::Name;
 use crate::domain::link::{Interface, Wiring};
@@ -20,13 +20,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Everything that north sides and lines share, for one configuration. A change of the configuration makes a new one,
 /// which contains the same lines as before where they continue.
 #[derive(Debug)]
-pub struct Shared {
+pub struct SharedPlant {
     /// The drives of all lines, in the order of the configuration.
     pub drives: Vec<Arc<SharedDrive>>,
     /// The lines, in the order of the configuration.
     pub lines: Vec<Arc<SharedLine>>,
     /// Rung whenever a view, a line's state or the configuration has changed.
-    pub changed: Arc<Bell>,
+    pub changed: Arc<BrokerBell>,
 }
 
 /// One drive.
@@ -39,7 +39,7 @@ pub struct SharedDrive {
     /// How its line sees it, at most a second old.
     pub station: ArcSwap<StationReport>,
     /// The way to it.
-    pub inbox: Arc<Inbox>,
+    pub inbox: Arc<LineInbox>,
     /// The gateway's role on its line, as of the line's last report.
     pub role: Arc<SharedRole>,
 }
@@ -67,18 +67,18 @@ pub struct SharedLine {
     /// The gateways on it; `None`: this one alone.
     pub standby: Option<StandbyShare>,
     /// The way in.
-    pub inbox: Arc<Inbox>,
+    pub inbox: Arc<LineInbox>,
     /// Its drives, in order.
     pub drives: Vec<Arc<SharedDrive>>,
     /// Its traffic, for those who watch it.
-    pub traffic: Traffic,
+    pub traffic: LineTraffic,
     role: Arc<SharedRole>,
     report: Mutex<LineReport>,
     rounds: AtomicU64,
     hangs: AtomicBool,
 }
 
-impl Shared {
+impl SharedPlant {
     /// Drives that were not polled yet, and lines that are down. `lines` names the lines in order; they are numbered
     /// from 0.
     #[must_use]
@@ -92,7 +92,7 @@ impl Shared {
 
     /// The shared state of these lines with their drives.
     #[must_use]
-    pub fn of(lines: Vec<Arc<SharedLine>>, changed: Arc<Bell>) -> Self {
+    pub fn of(lines: Vec<Arc<SharedLine>>, changed: Arc<BrokerBell>) -> Self {
         Self {
             drives: lines
                 .iter()
@@ -124,7 +124,7 @@ impl Shared {
 
     /// The inbox of the line of the drive at `place`.
     #[must_use]
-    pub fn inbox(&self, place: DriveRef) -> Option<&Inbox> {
+    pub fn inbox(&self, place: DriveRef) -> Option<&LineInbox> {
         self.line(place).map(|line| line.inbox.as_ref())
     }
 
@@ -147,7 +147,7 @@ impl Shared {
             let indices: Vec<_> = of_line.iter().map(|(index, ..)| *index).collect();
             let messages = of_line
                 .into_iter()
-                .map(|(.., command)| Message::Command(command));
+                .map(|(.., command)| LineMessage::Command(command));
             for (index, is_taken) in indices.into_iter().zip(inbox.put_together(messages)) {
                 taken
                     .get_mut(index)
@@ -168,7 +168,7 @@ impl SharedLine {
         interface: Interface,
         drives: impl IntoIterator<Item = DriveDescription>,
     ) -> Self {
-        let inbox = Arc::<Inbox>::default();
+        let inbox = Arc::<LineInbox>::default();
         let role = Arc::<SharedRole>::default();
         let drive = |description| {
             let view = ArcSwap::default();
@@ -187,7 +187,7 @@ impl SharedLine {
         let rounds = AtomicU64::default();
         let hangs = AtomicBool::default();
         let wiring = Wiring::default();
-        let traffic = Traffic::default();
+        let traffic = LineTraffic::default();
         let standby = None;
         Self {
             number,
@@ -257,29 +257,29 @@ impl SharedLine {
 
 /// What is shared at present. It is replaced as a whole when the configuration changes.
 #[derive(Clone, Debug)]
-pub struct Current(Arc<ArcSwap<Shared>>);
+pub struct CurrentPlant(Arc<ArcSwap<SharedPlant>>);
 
-impl Current {
+impl CurrentPlant {
     /// Borrows it at almost no cost; not to be kept.
     #[must_use]
-    pub fn load(&self) -> Guard<Arc<Shared>> {
+    pub fn load(&self) -> Guard<Arc<SharedPlant>> {
         self.0.load()
     }
 
     /// What is shared at present, as an `Arc` to be kept.
     #[must_use]
-    pub fn get(&self) -> Arc<Shared> {
+    pub fn get(&self) -> Arc<SharedPlant> {
         self.0.load_full()
     }
 
     /// Replaces it with `shared`.
-    pub fn set(&self, shared: Arc<Shared>) {
+    pub fn set(&self, shared: Arc<SharedPlant>) {
         self.0.store(shared);
     }
 }
 
-impl From<Arc<Shared>> for Current {
-    fn from(shared: Arc<Shared>) -> Self {
+impl From<Arc<SharedPlant>> for CurrentPlant {
+    fn from(shared: Arc<SharedPlant>) -> Self {
         Self(Arc::new(ArcSwap::new(shared)))
     }
 }

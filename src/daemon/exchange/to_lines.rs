@@ -1,7 +1,7 @@
 //! Passes what a broker session has for the lines to their inboxes. It never waits for the broker.
 
-use crate::daemon::exchange::inbox::Message;
-use crate::daemon::exchange::shared::Shared;
+use crate::daemon::exchange::inbox::LineMessage;
+use crate::daemon::exchange::shared::SharedPlant;
 use crate::domain::command::{CommandRequest, Owner};
 use crate::domain::ids::Ticket;
 use crate::drive::description::DriveRef;
@@ -9,11 +9,11 @@ use crate::north::broker::ToLine;
 
 /// Passes `requests` of `owner` to the lines, in order. Returns the tickets that no line accepted.
 pub fn hand_over(
-    shared: &Shared,
+    shared: &SharedPlant,
     owner: Owner,
     requests: impl IntoIterator<Item = ToLine>,
 ) -> Vec<Ticket> {
-    let mut way = Way {
+    let mut way = LineDispatch {
         shared,
         stops: Vec::new(),
         refused: Vec::new(),
@@ -25,14 +25,14 @@ pub fn hand_over(
     way.refused
 }
 
-struct Way<'s> {
-    shared: &'s Shared,
+struct LineDispatch<'s> {
+    shared: &'s SharedPlant,
     /// Consecutive stops.
     stops: Vec<(DriveRef, CommandRequest)>,
     refused: Vec<Ticket>,
 }
 
-impl Way<'_> {
+impl LineDispatch<'_> {
     fn take(&mut self, owner: Owner, request: ToLine) {
         match request {
             ToLine::Command(place, command) if command.order.is_stop() => {
@@ -42,13 +42,13 @@ impl Way<'_> {
         }
         match request {
             ToLine::Command(place, command) => {
-                self.put(place, command.ticket, Message::Command(command))
+                self.put(place, command.ticket, LineMessage::Command(command))
             }
             ToLine::Read(place, request) => {
-                self.put(place, request.ticket, Message::Native(request))
+                self.put(place, request.ticket, LineMessage::Native(request))
             }
-            ToLine::PathAlive => self.tell_all(&|| Message::PathAlive(owner)),
-            ToLine::PathOpened => self.tell_all(&|| Message::PathOpened(owner)),
+            ToLine::PathAlive => self.tell_all(&|| LineMessage::PathAlive(owner)),
+            ToLine::PathOpened => self.tell_all(&|| LineMessage::PathOpened(owner)),
         }
     }
 
@@ -64,7 +64,7 @@ impl Way<'_> {
         self.refused.extend(refused.map(|(ticket, _)| ticket));
     }
 
-    fn put(&mut self, place: DriveRef, ticket: Ticket, message: Message) {
+    fn put(&mut self, place: DriveRef, ticket: Ticket, message: LineMessage) {
         let is_taken = self
             .shared
             .inbox(place)
@@ -74,7 +74,7 @@ impl Way<'_> {
         }
     }
 
-    fn tell_all(&self, message: &dyn Fn() -> Message) {
+    fn tell_all(&self, message: &dyn Fn() -> LineMessage) {
         for line in &self.shared.lines {
             // A full inbox holds commands that renew the lease themselves; otherwise the lease ends, which is safe.
             let _ = line.inbox.put(message());

@@ -1,10 +1,10 @@
 //! What the north sides have counted since start, for health and metrics.
 
-use crate::north::broker::Oversized;
-use crate::north::modbus::Counters;
+use crate::north::broker::OversizedPublication;
+use crate::north::modbus::ConnectionCounters;
 use crate::north::modbus::serial::SlaveCounters;
-use crate::north::mqtt::Counters as Counts;
-use crate::north::sparkplug::Counters as SparkplugCounts;
+use crate::north::mqtt::MqttCounters;
+use crate::north::sparkplug::SparkplugCounters;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Duration;
@@ -19,19 +19,19 @@ pub struct ModbusTotals {
     closed_early: AtomicU64,
     requests: AtomicU64,
     replies: AtomicU64,
-    exceptions: [AtomicU64; Counters::EXCEPTION_CODES],
+    exceptions: [AtomicU64; ConnectionCounters::EXCEPTION_CODES],
     attempts_lost: AtomicU64,
     /// Of each serial master that is served.
-    serial: Shown<SerialTotals>,
+    serial: ShownCounts<SerialTotals>,
     /// Of each listener and serial master that is served.
-    reads: Shown<ReadTotals>,
+    reads: ShownCounts<ReadTotals>,
 }
 
 /// Counts that are shown for as long as their owners keep them.
 #[derive(Debug, Default)]
-pub struct Shown<T>(Mutex<Vec<Weak<T>>>);
+pub struct ShownCounts<T>(Mutex<Vec<Weak<T>>>);
 
-impl<T> Shown<T> {
+impl<T> ShownCounts<T> {
     /// Shows `counts` too.
     pub fn show(&self, counts: &Arc<T>) {
         let mut all = self.lock();
@@ -191,7 +191,7 @@ impl ModbusTotals {
     }
 
     /// Adds what one connection counted between `before` and `now`.
-    pub fn add(&self, before: &Counters, now: &Counters) {
+    pub fn add(&self, before: &ConnectionCounters, now: &ConnectionCounters) {
         self.requests.fetch_add(
             now.requests.wrapping_sub(before.requests),
             Ordering::Relaxed,
@@ -213,13 +213,13 @@ impl ModbusTotals {
 
     /// Counts of native reads, of each listener and serial master.
     #[must_use]
-    pub const fn reads(&self) -> &Shown<ReadTotals> {
+    pub const fn reads(&self) -> &ShownCounts<ReadTotals> {
         &self.reads
     }
 
     /// Counts of the ports of serial masters.
     #[must_use]
-    pub const fn serial(&self) -> &Shown<SerialTotals> {
+    pub const fn serial(&self) -> &ShownCounts<SerialTotals> {
         &self.serial
     }
 
@@ -255,8 +255,8 @@ impl ModbusTotals {
 
     /// What all connections have counted.
     #[must_use]
-    pub fn counters(&self) -> Counters {
-        Counters {
+    pub fn counters(&self) -> ConnectionCounters {
+        ConnectionCounters {
             requests: self.requests.load(Ordering::Relaxed),
             replies: self.replies.load(Ordering::Relaxed),
             exceptions: std::array::from_fn(|code| self.exceptions[code].load(Ordering::Relaxed)),
@@ -266,9 +266,9 @@ impl ModbusTotals {
 }
 
 /// State and counts of the MQTT side since start.
-pub type MqttTotals = BrokerTotals<Counts>;
+pub type MqttTotals = BrokerTotals<MqttCounters>;
 /// State and counts of the Sparkplug side since start.
-pub type SparkplugTotals = BrokerTotals<SparkplugCounts>;
+pub type SparkplugTotals = BrokerTotals<SparkplugCounters>;
 
 /// State and counts of a side that talks to the broker.
 #[derive(Debug, Default)]
@@ -281,7 +281,7 @@ pub struct BrokerTotals<C> {
     /// Why there is no connection; `None` once the path was open.
     lost: Mutex<Option<String>>,
     /// What is not published because it is larger than the broker takes.
-    oversized: Mutex<Vec<Oversized>>,
+    oversized: Mutex<Vec<OversizedPublication>>,
     /// The topic that says that the clients of the broker are gone; `None` if it does not.
     clients_gone: Mutex<Option<String>>,
 }
@@ -326,7 +326,7 @@ impl<C: Copy> BrokerTotals<C> {
     }
 
     /// Sets what is not published because it is larger than the broker takes.
-    pub fn set_oversized(&self, oversized: &[Oversized]) {
+    pub fn set_oversized(&self, oversized: &[OversizedPublication]) {
         let mut known = self
             .oversized
             .lock()
@@ -338,7 +338,7 @@ impl<C: Copy> BrokerTotals<C> {
 
     /// What is not published because it is larger than the broker takes.
     #[must_use]
-    pub fn oversized(&self) -> Vec<Oversized> {
+    pub fn oversized(&self) -> Vec<OversizedPublication> {
         self.oversized
             .lock()
             .unwrap_or_else(PoisonError::into_inner)

@@ -22,21 +22,21 @@ const HELD_BACK_MAX: usize = 256;
 
 /// The traffic of one line.
 #[derive(Debug, Default)]
-pub struct Traffic {
+pub struct LineTraffic {
     /// Until when the line is watched, in nanoseconds; 0 if it is not.
     watched_until: AtomicU64,
-    ring: Mutex<Ring>,
+    ring: Mutex<TrafficRing>,
 }
 
 /// The newest records. They are numbered from 1 over the life of the line.
 #[derive(Debug, Default)]
-struct Ring {
+struct TrafficRing {
     records: VecDeque<Arc<TrafficRecord>>,
     last: u64,
     listeners: usize,
 }
 
-impl Ring {
+impl TrafficRing {
     fn put(&mut self, record: TrafficRecord) {
         if self.records.len() == RECORDS_MAX {
             self.records.pop_front();
@@ -51,7 +51,7 @@ impl Ring {
     }
 }
 
-impl Traffic {
+impl LineTraffic {
     /// Whether the line is watched at `now`.
     #[must_use]
     pub fn is_watched(&self, now: MonoTime) -> bool {
@@ -77,14 +77,14 @@ impl Traffic {
         self.lock().records = VecDeque::new();
     }
 
-    fn lock(&self) -> MutexGuard<'_, Ring> {
+    fn lock(&self) -> MutexGuard<'_, TrafficRing> {
         self.ring.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 /// A listener of a line, with its own position in the recording.
 #[derive(Debug)]
-pub struct Listener {
+pub struct TrafficListener {
     line: Arc<SharedLine>,
     /// The number of the last record that it has seen.
     seen: u64,
@@ -93,14 +93,14 @@ pub struct Listener {
 
 /// What was recorded since a listener looked last.
 #[derive(Debug, Default)]
-pub struct News {
+pub struct TrafficNews {
     /// Records that were dropped before the listener had seen them.
     pub lost: u64,
     /// The records with their numbers, in order.
     pub records: Vec<(u64, Arc<TrafficRecord>)>,
 }
 
-impl Listener {
+impl TrafficListener {
     /// Watches `line` from now on, or from after the record with the number `after` if that is still kept. `None` if
     /// [`LISTENERS_MAX`] watch it already. `clock` is read when the listener leaves.
     #[must_use]
@@ -128,7 +128,7 @@ impl Listener {
     }
 
     /// The oldest records that it has not seen, at most `most` of them.
-    pub fn look(&mut self, most: usize) -> News {
+    pub fn look(&mut self, most: usize) -> TrafficNews {
         let ring = self.line.traffic.lock();
         let first = ring.first();
         let lost = first.saturating_sub(self.seen + 1);
@@ -138,11 +138,11 @@ impl Listener {
             .zip(ring.records.iter().skip(skipped).take(most).cloned())
             .collect();
         self.seen += records.len() as u64;
-        News { lost, records }
+        TrafficNews { lost, records }
     }
 }
 
-impl Drop for Listener {
+impl Drop for TrafficListener {
     fn drop(&mut self) {
         let mut ring = self.line.traffic.lock();
         ring.listeners -= 1;
@@ -172,8 +172,8 @@ mod tests {
         ))
     }
 
-    fn listen(line: &Arc<SharedLine>, after: Option<u64>) -> Option<Listener> {
-        Listener::new(Arc::clone(line), after, || MonoTime::from_millis(1_000))
+    fn listen(line: &Arc<SharedLine>, after: Option<u64>) -> Option<TrafficListener> {
+        TrafficListener::new(Arc::clone(line), after, || MonoTime::from_millis(1_000))
     }
 
     fn put(line: &SharedLine, count: u64) {
@@ -191,7 +191,7 @@ mod tests {
             .take_over(&mut (1..=count).map(record).collect());
     }
 
-    fn numbers(news: &News) -> Vec<u64> {
+    fn numbers(news: &TrafficNews) -> Vec<u64> {
         news.records.iter().map(|(number, _)| *number).collect()
     }
 

@@ -34,7 +34,7 @@ fn versions() -> Value {
 
 /// The serial ports of the host.
 fn ports() -> Value {
-    let port = |it: adapters::Adapter| {
+    let port = |it: adapters::SerialAdapter| {
         json!({
             "path": it.path.display().to_string(),
             "device": it.device.display().to_string(),

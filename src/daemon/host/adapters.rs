@@ -11,7 +11,7 @@ const PROCESSES_MAX: usize = 20_000;
 
 /// One serial port.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Adapter {
+pub struct SerialAdapter {
     /// The name to configure: the one by its serial number where there is one, since it stays the same.
     pub path: PathBuf,
     /// The device.
@@ -28,7 +28,7 @@ pub struct Adapter {
 
 /// All serial ports, those with a stable name first.
 #[must_use]
-pub fn list() -> Vec<Adapter> {
+pub fn list() -> Vec<SerialAdapter> {
     list_in(
         Path::new("/dev"),
         Path::new("/sys/class/tty"),
@@ -67,13 +67,13 @@ pub fn holders_of(path: &Path) -> Vec<String> {
     )
 }
 
-fn list_in(dev: &Path, sys: &Path, proc: &Path) -> Vec<Adapter> {
+fn list_in(dev: &Path, sys: &Path, proc: &Path) -> Vec<SerialAdapter> {
     let stable = stable_names(dev);
-    let mut found: Vec<Adapter> = serial_devices(dev, sys)
+    let mut found: Vec<SerialAdapter> = serial_devices(dev, sys)
         .filter_map(|device| {
             let tty = sys.join(device.file_name()?);
             let metadata = fs::metadata(&device).ok()?;
-            Some(Adapter {
+            Some(SerialAdapter {
                 path: stable.get(&device).unwrap_or(&device).clone(),
                 driver: name_of(&tty.join("device/driver")),
                 may_open: access(&device, Access::READ_OK | Access::WRITE_OK).is_ok(),

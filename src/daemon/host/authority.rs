@@ -53,7 +53,7 @@ pub enum Error {
 }
 
 /// A certificate with its key, in PEM.
-pub struct Issued {
+pub struct IssuedCertificate {
     /// The certificate.
     pub certificate: String,
     /// The key of the certificate.
@@ -61,27 +61,31 @@ pub struct Issued {
 }
 
 /// An authority that can sign.
-pub struct Authority {
+pub struct CertificateAuthority {
     issuer: Issuer<'static, KeyPair>,
 }
 
-impl Authority {
+impl CertificateAuthority {
     /// A new authority called `title` for `names`, valid from a day before `now`.
     ///
     /// # Errors
     /// A name is no host name; the library's.
-    pub fn generate(title: &str, names: &[String], now: WallTime) -> Result<(Self, Issued), Error> {
+    pub fn generate(
+        title: &str,
+        names: &[String],
+        now: WallTime,
+    ) -> Result<(Self, IssuedCertificate), Error> {
         let mut params = CertificateParams::default();
         params.is_ca = IsCa::Ca(BasicConstraints::Constrained(0));
         params.key_usages = vec![KeyUsagePurpose::KeyCertSign, KeyUsagePurpose::CrlSign];
-        params.distinguished_name = named(title);
+        params.distinguished_name = distinguished_name(title);
         params.name_constraints = Some(NameConstraints {
             permitted_subtrees: permitted(names),
             excluded_subtrees: Vec::new(),
         });
         valid_for(&mut params, now, AUTHORITY_DAYS);
         let key = KeyPair::generate()?;
-        let issued = Issued {
+        let issued = IssuedCertificate {
             certificate: params.self_signed(&key)?.pem(),
             key: key.serialize_pem(),
         };
@@ -107,19 +111,25 @@ impl Authority {
     ///
     /// # Errors
     /// A name is no host name; the library's.
-    pub fn issue(&self, names: &[String], now: WallTime, days: i64) -> Result<Issued, Error> {
+    pub fn issue(
+        &self,
+        names: &[String],
+        now: WallTime,
+        days: i64,
+    ) -> Result<IssuedCertificate, Error> {
         let mut params = CertificateParams::default();
         params.subject_alt_names = names
             .iter()
             .map(|name| subject(name))
             .collect::<Result<_, _>>()?;
-        params.distinguished_name = named(names.first().map_or("vfd-gateway", String::as_str));
+        params.distinguished_name =
+            distinguished_name(names.first().map_or("vfd-gateway", String::as_str));
         params.key_usages = vec![KeyUsagePurpose::DigitalSignature];
         params.extended_key_usages = vec![ExtendedKeyUsagePurpose::ServerAuth];
         params.use_authority_key_identifier_extension = true;
         valid_for(&mut params, now, days);
         let key = KeyPair::generate()?;
-        Ok(Issued {
+        Ok(IssuedCertificate {
             certificate: params.signed_by(&key, &self.issuer)?.pem(),
             key: key.serialize_pem(),
         })
@@ -128,7 +138,7 @@ impl Authority {
 
 /// What people want to know of a certificate.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Facts {
+pub struct CertificateFacts {
     /// The names and addresses that it is valid for.
     pub names: Vec<String>,
     /// The end of its validity.
@@ -141,7 +151,7 @@ pub struct Facts {
 ///
 /// # Errors
 /// It is not an X.509 certificate.
-pub fn facts(certificate: &CertificateDer<'_>) -> Result<Facts, Error> {
+pub fn facts(certificate: &CertificateDer<'_>) -> Result<CertificateFacts, Error> {
     let (_, parsed) = parse_x509_certificate(certificate).map_err(|_| Error::NoCertificate)?;
     let digest = ring::digest::digest(&ring::digest::SHA256, certificate);
     let pairs: Vec<_> = digest
@@ -150,7 +160,7 @@ pub fn facts(certificate: &CertificateDer<'_>) -> Result<Facts, Error> {
         .map(|byte| format!("{byte:02X}"))
         .collect();
     let unix_ms = parsed.validity().not_after.timestamp().saturating_mul(1000);
-    Ok(Facts {
+    Ok(CertificateFacts {
         names: names(&parsed),
         until: WallTime { unix_ms },
         fingerprint: pairs.join(":"),
@@ -229,7 +239,7 @@ fn names(certificate: &X509Certificate<'_>) -> Vec<String> {
     list.value.general_names.iter().filter_map(text).collect()
 }
 
-fn named(title: &str) -> DistinguishedName {
+fn distinguished_name(title: &str) -> DistinguishedName {
     let mut name = DistinguishedName::new();
     name.push(DnType::CommonName, title);
     name
@@ -310,13 +320,13 @@ mod tests {
     #[test]
     fn a_certificate_has_its_names_and_its_end() {
         let names = list(&["press-shop.local", "10.0.0.7", "fd00::7"]);
-        let (authority, own) = Authority::generate("plant", &names, NOW).unwrap();
+        let (authority, own) = CertificateAuthority::generate("plant", &names, NOW).unwrap();
         let issued = authority.issue(&names, NOW, CERTIFICATE_DAYS_MAX).unwrap();
         let facts = facts(&der(&issued.certificate)).unwrap();
         assert_eq!(facts.names, names);
         assert_eq!(calendar::rfc3339(facts.until), "2029-02-27T00:00:00.000Z");
         assert_eq!(facts.fingerprint.len(), 32 * 3 - 1);
-        let again = Authority::from_pem(&own.certificate, &own.key).unwrap();
+        let again = CertificateAuthority::from_pem(&own.certificate, &own.key).unwrap();
         assert!(
             again.issue(&names, NOW, 30).is_ok(),
             "it can be used after a restart"
@@ -329,9 +339,12 @@ mod tests {
 
     #[test]
     fn an_authority_signs_for_its_names_and_private_ones_alone() {
-        let (_, own) =
-            Authority::generate("plant", &list(&["gateway.example.org", "203.0.113.7"]), NOW)
-                .unwrap();
+        let (_, own) = CertificateAuthority::generate(
+            "plant",
+            &list(&["gateway.example.org", "203.0.113.7"]),
+            NOW,
+        )
+        .unwrap();
         let own = der(&own.certificate);
         for fits in [
             "gateway.example.org",
@@ -358,7 +371,7 @@ mod tests {
     #[test]
     fn only_an_authority_at_the_end_of_a_chain_is_one() {
         let names = list(&["localhost"]);
-        let (authority, own) = Authority::generate("plant", &names, NOW).unwrap();
+        let (authority, own) = CertificateAuthority::generate("plant", &names, NOW).unwrap();
         let own = der(&own.certificate);
         let leaf = der(&authority.issue(&names, NOW, 30).unwrap().certificate);
         assert_eq!(authority_of(&[leaf.clone(), own.clone()]), Some(&own));

@@ -1,7 +1,7 @@
 //! The clocks. No other file reads one.
 
 use crate::domain::time::{MonoTime, WallTime};
-use crate::north::clock::Moment;
+use crate::north::clock::ClockMoment;
 use rustix::time::{ClockId, clock_gettime};
 use std::time::SystemTime;
 
@@ -37,8 +37,8 @@ pub fn wall_micros() -> i64 {
 
 /// Now, on both clocks.
 #[must_use]
-pub fn moment() -> Moment {
-    Moment {
+pub fn moment() -> ClockMoment {
+    ClockMoment {
         mono: now(),
         wall: wall(),
     }

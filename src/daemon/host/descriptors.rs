@@ -1,6 +1,6 @@
 //! How many files the process may have open, and for how many connections that leaves room.
 
-use crate::north::modbus::Slots;
+use crate::north::modbus::ClientSlots;
 use rustix::event::{EventfdFlags, eventfd};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::cell::RefCell;
@@ -15,7 +15,7 @@ const KEPT: u64 = 384;
 #[must_use]
 pub fn room_for_connections() -> usize {
     let limit = getrlimit(Resource::Nofile);
-    let useful = Slots::MOST as u64 + KEPT;
+    let useful = ClientSlots::MOST as u64 + KEPT;
     let wanted = limit.maximum.unwrap_or(u64::MAX).min(useful);
     let before = limit.current.unwrap_or(u64::MAX);
     if before >= wanted {
@@ -41,15 +41,15 @@ fn connections(files: u64) -> usize {
     let connections = files.saturating_sub(KEPT).max(files / 2);
     usize::try_from(connections)
         .unwrap_or(usize::MAX)
-        .min(Slots::MOST)
+        .min(ClientSlots::MOST)
 }
 
 /// A spare descriptor. Released when there are no others, it lets one more connection be accepted, so that its peer is
 /// known.
 #[derive(Debug, Default)]
-pub struct Spare(RefCell<Option<OwnedFd>>);
+pub struct SpareDescriptor(RefCell<Option<OwnedFd>>);
 
-impl Spare {
+impl SpareDescriptor {
     /// Releases it to the system. Returns whether it was held.
     pub fn release(&self) -> bool {
         self.0.take().is_some()
@@ -89,7 +89,7 @@ mod tests {
         let room = room_for_connections();
         let limit = getrlimit(Resource::Nofile);
         assert_eq!(room, connections(limit.current.unwrap_or(u64::MAX)));
-        let useful = Slots::MOST as u64 + KEPT;
+        let useful = ClientSlots::MOST as u64 + KEPT;
         assert!(
             limit
                 .current
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn a_spare_descriptor_is_given_back_once() {
-        let spare = Spare::default();
+        let spare = SpareDescriptor::default();
         assert!(!spare.release());
         assert!(spare.refill() && spare.refill());
         assert!(spare.release() && !spare.release());

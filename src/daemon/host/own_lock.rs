@@ -37,20 +37,20 @@ pub struct AlreadyRunning {
 
 /// The lock of a data directory.
 #[derive(Debug)]
-pub struct Lock {
+pub struct DataDirLock {
     _file: Option<File>,
     _name: Option<OwnedFd>,
 }
 
 /// Why a socket name could not be taken.
-enum Refused {
+enum NameRefusal {
     /// A process of the same user has it, or of root.
     Gateway(String),
     /// It cannot be taken, but there is no evidence of another gateway.
     Unknown(String),
 }
 
-impl Lock {
+impl DataDirLock {
     /// Takes the lock of `directory`, even if it cannot be written.
     ///
     /// # Errors
@@ -73,8 +73,8 @@ impl Lock {
         };
         let name = match name(directory) {
             Ok(name) => Some(name),
-            Err(Refused::Gateway(holder)) => return Err(taken(holder)),
-            Err(Refused::Unknown(why)) => {
+            Err(NameRefusal::Gateway(holder)) => return Err(taken(holder)),
+            Err(NameRefusal::Unknown(why)) => {
                 tracing::warn!(directory = %directory.display(), why, "cannot lock the name of the data directory; control continues");
                 None
             }
@@ -133,8 +133,8 @@ fn holder(file: &mut File) -> String {
 }
 
 /// A socket with a name derived from `directory` that is never served: it exists as long as this process.
-fn name(directory: &Path) -> Result<OwnedFd, Refused> {
-    let unknown = |error: Errno| Refused::Unknown(io::Error::from(error).to_string());
+fn name(directory: &Path) -> Result<OwnedFd, NameRefusal> {
+    let unknown = |error: Errno| NameRefusal::Unknown(io::Error::from(error).to_string());
     // Independent of how the path is written, and also if it does not exist.
     let place = directory
         .canonicalize()
@@ -162,8 +162,8 @@ fn name(directory: &Path) -> Result<OwnedFd, Refused> {
             let other = sockopt::socket_peercred(&other).map_err(unknown)?;
             let process = other.pid.as_raw_nonzero();
             match other.uid.is_root() || other.uid == geteuid() {
-                true => Err(Refused::Gateway(process.to_string())),
-                false => Err(Refused::Unknown(format!(
+                true => Err(NameRefusal::Gateway(process.to_string())),
+                false => Err(NameRefusal::Unknown(format!(
                     "process {process} of another user has it"
                 ))),
             }
@@ -196,14 +196,14 @@ mod tests {
     #[test]
     fn a_directory_that_is_gone_has_one_gateway() {
         let directory = Dir::new().join("gone");
-        let first = Lock::take(&directory).unwrap();
-        let taken = Lock::take(&directory).unwrap_err().to_string();
+        let first = DataDirLock::take(&directory).unwrap();
+        let taken = DataDirLock::take(&directory).unwrap_err().to_string();
         assert!(
             taken.contains(&format!("process {}", std::process::id())),
             "{taken}"
         );
-        assert!(Lock::take(&directory.join("another")).is_ok());
+        assert!(DataDirLock::take(&directory.join("another")).is_ok());
         drop(first);
-        assert!(Lock::take(&directory).is_ok());
+        assert!(DataDirLock::take(&directory).is_ok());
     }
 }

@@ -9,11 +9,11 @@ const BYTES_MAX: usize = 256 * 1024;
 /// Lines of a log, the oldest first.
 #[derive(Debug)]
 pub struct RecentLog {
-    lines: Mutex<Lines>,
+    lines: Mutex<RecentLines>,
 }
 
 #[derive(Debug)]
-struct Lines {
+struct RecentLines {
     lines: VecDeque<Box<str>>,
     bytes: usize,
 }
@@ -30,7 +30,7 @@ pub fn own() -> &'static RecentLog {
 impl RecentLog {
     const fn new() -> Self {
         Self {
-            lines: Mutex::new(Lines {
+            lines: Mutex::new(RecentLines {
                 lines: VecDeque::new(),
                 bytes: 0,
             }),
@@ -57,7 +57,7 @@ impl RecentLog {
         self.lock().lines.iter().map(AsRef::as_ref).collect()
     }
 
-    fn lock(&self) -> MutexGuard<'_, Lines> {
+    fn lock(&self) -> MutexGuard<'_, RecentLines> {
         self.lines.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -21,14 +21,17 @@ pub fn read(path: &Path) -> io::Result<String> {
 
 /// Warns of each file with a secret that every user of this host may read.
 pub fn warn(config: &Config) {
-    for file in named(config).into_iter().filter(|file| is_open(file)) {
+    for file in secret_paths(config)
+        .into_iter()
+        .filter(|file| is_open(file))
+    {
         let file = file.display();
         tracing::warn!(%file, "every user of this host can read this secret file; set its mode to 0600 or 0640");
     }
 }
 
 /// All that `config` names.
-fn named(config: &Config) -> Vec<&Path> {
+fn secret_paths(config: &Config) -> Vec<&Path> {
     let mut found = Vec::new();
     if let Some(mqtt) = &config.mqtt {
         let password = mqtt
@@ -113,7 +116,7 @@ key_file = "/secret/http.key"
     fn every_secret_is_looked_at_and_nothing_else() {
         let catalog = vendors::catalog();
         let config = config::load(FILE, &catalog).unwrap();
-        let mut found = named(&config);
+        let mut found = secret_paths(&config);
         found.sort();
         let right = [
             "anna.hash",

@@ -16,9 +16,9 @@ const READ_WITHIN: Duration = Duration::from_secs(1);
 
 /// The turns of a task that waits repeatedly.
 #[derive(Debug)]
-pub struct Turns(MonoTime);
+pub struct StallDetector(MonoTime);
 
-impl Turns {
+impl StallDetector {
     /// The first turn.
     pub const fn new(now: MonoTime) -> Self {
         Self(now)
@@ -33,16 +33,16 @@ impl Turns {
 
 /// The last stall, for all tasks that serve connections. Without [`watch`](Self::watch) none is found.
 #[derive(Debug, Default)]
-pub struct Stalls(Mutex<LastStall>);
+pub struct LastStalls(Mutex<LastStall>);
 
 #[derive(Debug, Default)]
 struct LastStall {
-    turns: Option<Turns>,
+    turns: Option<StallDetector>,
     /// When the last stall was over.
     ended: Option<MonoTime>,
 }
 
-impl Stalls {
+impl LastStalls {
     /// A stall that has just ended, however long a test takes.
     #[cfg(test)]
     pub fn just_ended() -> Self {
@@ -54,21 +54,21 @@ impl Stalls {
 
     /// Watches the clock until the task is dropped.
     pub async fn watch(self: Arc<Self>) {
-        self.lock().turns = Some(Turns::new(clock::now()));
+        self.lock().turns = Some(StallDetector::new(clock::now()));
         loop {
             tokio::time::sleep(LOOK_EVERY).await;
-            self.look(clock::now());
+            self.find_stall(clock::now());
         }
     }
 
     /// Whether what is read `now` may have waited for the end of a stall, if the socket was read empty at `emptied`.
     pub fn may_have_waited(&self, now: MonoTime, emptied: MonoTime) -> bool {
-        self.look(now)
+        self.find_stall(now)
             .is_some_and(|ended| emptied < ended && now.since(ended) < READ_WITHIN)
     }
 
     /// The first call after a stall finds it. Returns when the last one was over.
-    fn look(&self, now: MonoTime) -> Option<MonoTime> {
+    fn find_stall(&self, now: MonoTime) -> Option<MonoTime> {
         let mut seen = self.lock();
         if let Some(stood) = seen.turns.as_mut().and_then(|turns| turns.turn(now)) {
             tracing::warn!(
@@ -93,9 +93,9 @@ mod tests {
         MonoTime::ZERO + Duration::from_millis(ms)
     }
 
-    fn watched_at(ms: u64) -> Stalls {
-        Stalls(Mutex::new(LastStall {
-            turns: Some(Turns::new(at(ms))),
+    fn watched_at(ms: u64) -> LastStalls {
+        LastStalls(Mutex::new(LastStall {
+            turns: Some(StallDetector::new(at(ms))),
             ended: None,
         }))
     }
@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     fn nothing_has_waited_where_nobody_watches() {
-        let stalls = Stalls::default();
+        let stalls = LastStalls::default();
         assert!(!stalls.may_have_waited(at(0), at(0)) && !stalls.may_have_waited(at(9_000), at(0)));
     }
 }

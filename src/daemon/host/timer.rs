@@ -87,11 +87,11 @@ impl std::os::fd::AsRawFd for RawTimer {
 
 /// The timer for a tokio task.
 #[derive(Debug)]
-pub struct Timer {
+pub struct TaskTimer {
     inner: AsyncFd<RawTimer>,
 }
 
-impl Timer {
+impl TaskTimer {
     /// A timer that is not armed, for the runtime of the calling thread.
     ///
     /// # Errors

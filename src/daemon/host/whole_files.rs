@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 /// Who may read a file, besides its owner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Readers {
+pub enum FileReaders {
     /// No one else: 0600.
     Owner,
     /// The group of its directory: 0640.
@@ -19,7 +19,7 @@ pub enum Readers {
     All,
 }
 
-impl Readers {
+impl FileReaders {
     const fn mode(self) -> u32 {
         match self {
             Self::Owner => 0o600,
@@ -33,7 +33,7 @@ impl Readers {
 ///
 /// # Errors
 /// The system's; `AlreadyExists` if there is anything at `path`, which is then unchanged.
-pub fn create(path: &Path, bytes: &[u8], readers: Readers) -> io::Result<()> {
+pub fn create(path: &Path, bytes: &[u8], readers: FileReaders) -> io::Result<()> {
     put(path, bytes, readers, RenameFlags::NOREPLACE)
 }
 
@@ -41,11 +41,11 @@ pub fn create(path: &Path, bytes: &[u8], readers: Readers) -> io::Result<()> {
 ///
 /// # Errors
 /// The system's.
-pub fn replace(path: &Path, bytes: &[u8], readers: Readers) -> io::Result<()> {
+pub fn replace(path: &Path, bytes: &[u8], readers: FileReaders) -> io::Result<()> {
     put(path, bytes, readers, RenameFlags::empty())
 }
 
-fn put(path: &Path, bytes: &[u8], readers: Readers, how: RenameFlags) -> io::Result<()> {
+fn put(path: &Path, bytes: &[u8], readers: FileReaders, how: RenameFlags) -> io::Result<()> {
     let directory = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
@@ -66,12 +66,12 @@ fn put(path: &Path, bytes: &[u8], readers: Readers, how: RenameFlags) -> io::Res
     placed
 }
 
-fn fill(new: &Path, bytes: &[u8], readers: Readers, directory: &Path) -> io::Result<()> {
+fn fill(new: &Path, bytes: &[u8], readers: FileReaders, directory: &Path) -> io::Result<()> {
     // Closed to others until it has its group.
     let mut file = OpenOptions::new()
         .write(true)
         .create_new(true)
-        .mode(Readers::Owner.mode())
+        .mode(FileReaders::Owner.mode())
         .open(new)?;
     let group = fs::metadata(directory)?.gid();
     if file.metadata()?.gid() != group {
@@ -103,14 +103,14 @@ mod tests {
     fn a_file_is_created_once_and_replaced_as_a_whole() {
         let dir = Dir::new();
         let file = dir.join("key.pem");
-        create(&file, b"first", Readers::Owner).unwrap();
-        let again = create(&file, b"second", Readers::All).unwrap_err();
+        create(&file, b"first", FileReaders::Owner).unwrap();
+        let again = create(&file, b"second", FileReaders::All).unwrap_err();
         assert_eq!(again.kind(), io::ErrorKind::AlreadyExists);
         assert_eq!(
             (fs::read(&file).unwrap(), mode(&file)),
             (b"first".to_vec(), 0o600)
         );
-        replace(&file, b"third", Readers::Group).unwrap();
+        replace(&file, b"third", FileReaders::Group).unwrap();
         assert_eq!(
             (fs::read(&file).unwrap(), mode(&file)),
             (b"third".to_vec(), 0o640)
@@ -128,7 +128,7 @@ mod tests {
         let file = dir.join("key.pem");
         fs::write(dir.join("key.pem.new"), "half").unwrap();
         fs::set_permissions(dir.join("key.pem.new"), fs::Permissions::from_mode(0o666)).unwrap();
-        create(&file, b"whole", Readers::Owner).unwrap();
+        create(&file, b"whole", FileReaders::Owner).unwrap();
         assert_eq!(
             (fs::read(&file).unwrap(), mode(&file)),
             (b"whole".to_vec(), 0o600)
@@ -138,6 +138,6 @@ mod tests {
     #[test]
     fn a_directory_that_is_missing_is_an_error() {
         let dir = Dir::new();
-        assert!(replace(&dir.join("missing/file"), b"", Readers::All).is_err());
+        assert!(replace(&dir.join("missing/file"), b"", FileReaders::All).is_err());
     }
 }

@@ -1,6 +1,6 @@
 //! Connections to the HTTP side: how many, how long, how fast.
 
-use super::lasting::{self, Lasting, Life};
+use super::lasting::{self, ConnectionLife, StreamSlot};
 use axum::Router;
 use axum::response::Response;
 use axum::serve::Listener;
@@ -27,7 +27,7 @@ const HEAD_BYTES_MAX: usize = 16 * 1024;
 
 /// How long a connection may take.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Patience {
+pub(super) struct ConnectionPatience {
     /// For a whole request head, from when the connection is ready for one. Also closes idle connections.
     pub head: Duration,
     /// For the connection. After that it answers the current request and closes, so that no client holds a place for
@@ -37,7 +37,7 @@ pub(super) struct Patience {
     pub piece: Duration,
 }
 
-impl Default for Patience {
+impl Default for ConnectionPatience {
     fn default() -> Self {
         Self {
             head: Duration::from_secs(10),
@@ -48,7 +48,11 @@ impl Default for Patience {
 }
 
 /// Serves `router` on `listener` until the task is dropped.
-pub(super) async fn serve<L: Listener>(mut listener: L, router: Router, patience: Patience) {
+pub(super) async fn serve<L: Listener>(
+    mut listener: L,
+    router: Router,
+    patience: ConnectionPatience,
+) {
     let places = Arc::new(Semaphore::new(CONNECTIONS_MAX));
     let lasting = lasting::places();
     // The semaphore is never closed, so there is always a place in the end.
@@ -67,14 +71,14 @@ pub(super) async fn serve<L: Listener>(mut listener: L, router: Router, patience
 pub(super) async fn converse(
     stream: impl AsyncRead + AsyncWrite + Unpin + 'static,
     router: Router,
-    patience: Patience,
+    patience: ConnectionPatience,
     lasting: Arc<Semaphore>,
 ) {
     converse_by(
         stream,
         TowerToHyperService::new(router),
         patience,
-        Lasting::new(lasting),
+        StreamSlot::new(lasting),
     )
     .await;
 }
@@ -83,8 +87,8 @@ pub(super) async fn converse(
 pub(super) async fn converse_by(
     stream: impl AsyncRead + AsyncWrite + Unpin + 'static,
     service: impl Service<Request<Incoming>, Response = Response, Error = Infallible>,
-    patience: Patience,
-    (lasting, life): (Lasting, Life),
+    patience: ConnectionPatience,
+    (lasting, life): (StreamSlot, ConnectionLife),
 ) {
     let mut http = http1::Builder::new();
     http.timer(TokioTimer::new())
@@ -109,7 +113,7 @@ pub(super) async fn converse_by(
 }
 
 /// Waits until the time of a connection is over and no endless answer is in progress.
-async fn is_over(life: Life, patience: Patience) {
+async fn is_over(life: ConnectionLife, patience: ConnectionPatience) {
     tokio::time::sleep(patience.connection).await;
     life.has_no_stay().await;
 }

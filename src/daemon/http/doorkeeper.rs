@@ -2,8 +2,8 @@
 //! the gateway's names. Its answer tells browsers what they may do with it.
 
 use super::answers::refusal;
-use super::entrance::Peer;
-use super::front::Front;
+use super::entrance::PeerAddress;
+use super::front::ClientRequirements;
 use crate::north::operator::request::{is_of_another_site, may_be_called};
 use arc_swap::ArcSwap;
 use axum::extract::{Request, State};
@@ -33,8 +33,8 @@ const HEADERS: [(HeaderName, HeaderValue); 3] = [
 ];
 
 /// Passes a request on to its route, or refuses it.
-pub(super) async fn look(
-    State(front): State<Arc<ArcSwap<Front>>>,
+pub(super) async fn admit_request(
+    State(front): State<Arc<ArcSwap<ClientRequirements>>>,
     request: Request,
     next: Next,
 ) -> Response {
@@ -52,12 +52,12 @@ pub(super) async fn look(
     answer
 }
 
-fn refused(front: &Front, request: &Request) -> Option<Response> {
+fn refused(front: &ClientRequirements, request: &Request) -> Option<Response> {
     // A connection may be older than the list.
     let is_foreign = request
         .extensions()
-        .get::<Peer>()
-        .is_some_and(|Peer(peer)| !front.allows(*peer));
+        .get::<PeerAddress>()
+        .is_some_and(|PeerAddress(peer)| !front.allows(*peer));
     if is_foreign {
         return Some(refusal(
             StatusCode::FORBIDDEN,
@@ -85,7 +85,7 @@ fn refused(front: &Front, request: &Request) -> Option<Response> {
 }
 
 /// Browsers always send the host name; a client that does not is not a browser.
-fn is_called_right(front: &Front, headers: &HeaderMap) -> bool {
+fn is_called_right(front: &ClientRequirements, headers: &HeaderMap) -> bool {
     let mut called = headers.get_all(header::HOST).iter();
     match (called.next(), called.next()) {
         (None, _) => true,

@@ -2,10 +2,10 @@
 //! place for one more, so that earlier clients cannot hold up a stop. After a reload, connections that would no longer
 //! be accepted are closed.
 
-use super::connections::{CONNECTIONS_MAX, Patience, converse_by};
-use super::front::Front;
-use super::lasting::{self, Lasting, Life};
-use super::taking::Taking;
+use super::connections::{CONNECTIONS_MAX, ConnectionPatience, converse_by};
+use super::front::ClientRequirements;
+use super::lasting::{self, ConnectionLife, StreamSlot};
+use super::taking::WriteTimeout;
 use crate::daemon::exchange::rate_limited_log::RateLimitedLog;
 use crate::daemon::host::clock;
 use crate::domain::time::MonoTime;
@@ -38,21 +38,21 @@ const HANDSHAKE_MAX: Duration = Duration::from_secs(5);
 
 /// The peer of a request, as an extension for its routes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Peer(pub IpAddr);
+pub(super) struct PeerAddress(pub IpAddr);
 
 /// The certificate of the authority that clients install, as an extension for its route; `None` without one.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Authority(pub Option<CertificateDer<'static>>);
+pub(super) struct AuthorityExtension(pub Option<CertificateDer<'static>>);
 
 /// Serves `router` on `listener` until the task is dropped, always by the current `front`; `changed` is notified when
 /// that is replaced. Its connections end with it.
 pub(super) async fn serve(
     mut listener: TcpListener,
     router: Router,
-    (front, changed): (Arc<ArcSwap<Front>>, Arc<Notify>),
-    patience: Patience,
+    (front, changed): (Arc<ArcSwap<ClientRequirements>>, Arc<Notify>),
+    patience: ConnectionPatience,
 ) {
-    let house = House::default();
+    let house = ListenerConnections::default();
     let lasting = lasting::places();
     let told = RateLimitedLog::default();
     let places = &house.0;
@@ -70,13 +70,13 @@ pub(super) async fn serve(
             told.say(&format!("HTTP: refused {peer}: not in `allow`"));
             continue;
         }
-        let (lasting, life) = Lasting::new(Arc::clone(&lasting));
-        let (place, seat) = Places::take(places, lasting);
+        let (lasting, life) = StreamSlot::new(Arc::clone(&lasting));
+        let (place, seat) = ConnectionPlaces::take(places, lasting);
         let tls = front.tls();
-        let guest = Guest {
+        let guest = ConnectionRoutes {
             router: TowerToHyperService::new(router.clone()),
-            peer: Peer(peer),
-            authority: Authority(tls.and_then(|tls| tls.authority.clone())),
+            peer: PeerAddress(peer),
+            authority: AuthorityExtension(tls.and_then(|tls| tls.authority.clone())),
             seat: Rc::clone(&seat),
         };
         let tls = tls.map(|tls| Arc::clone(&tls.config));
@@ -86,7 +86,7 @@ pub(super) async fn serve(
             receive(stream, tls, guest, (patience, life)).await;
             drop(place);
         });
-        let held = Held {
+        let held = HeldConnection {
             seat,
             peer,
             is_encrypted,
@@ -99,17 +99,29 @@ pub(super) async fn serve(
 async fn receive(
     stream: TcpStream,
     tls: Option<Arc<ServerConfig>>,
-    guest: Guest,
-    (patience, life): (Patience, Life),
+    guest: ConnectionRoutes,
+    (patience, life): (ConnectionPatience, ConnectionLife),
 ) {
     let life = (guest.seat.lasting.clone(), life);
     let Some(tls) = tls else {
-        return converse_by(Taking::new(stream, patience.piece), guest, patience, life).await;
+        return converse_by(
+            WriteTimeout::new(stream, patience.piece),
+            guest,
+            patience,
+            life,
+        )
+        .await;
     };
     let peer = guest.peer.0;
     match timeout(HANDSHAKE_MAX, TlsAcceptor::from(tls).accept(stream)).await {
         Ok(Ok(stream)) => {
-            converse_by(Taking::new(stream, patience.piece), guest, patience, life).await
+            converse_by(
+                WriteTimeout::new(stream, patience.piece),
+                guest,
+                patience,
+                life,
+            )
+            .await
         }
         Ok(Err(error)) => {
             tracing::debug!(%peer, %error, "TLS handshake on the HTTP listener failed")
@@ -120,9 +132,9 @@ async fn receive(
 
 /// All connections of a listener. They are closed when this is dropped.
 #[derive(Default)]
-struct House(Rc<Places>);
+struct ListenerConnections(Rc<ConnectionPlaces>);
 
-impl Drop for House {
+impl Drop for ListenerConnections {
     fn drop(&mut self) {
         self.0.send_away(|_| true);
     }
@@ -130,14 +142,14 @@ impl Drop for House {
 
 /// The places of all connections.
 #[derive(Debug, Default)]
-struct Places {
-    held: RefCell<BTreeMap<u64, Held>>,
+struct ConnectionPlaces {
+    held: RefCell<BTreeMap<u64, HeldConnection>>,
     last: Cell<u64>,
 }
 
 #[derive(Debug)]
-struct Held {
-    seat: Rc<Seat>,
+struct HeldConnection {
+    seat: Rc<ConnectionSeat>,
     peer: IpAddr,
     is_encrypted: bool,
     task: AbortHandle,
@@ -145,37 +157,37 @@ struct Held {
 
 /// What a connection does.
 #[derive(Debug)]
-struct Seat {
+struct ConnectionSeat {
     /// A request waits for its answer.
     is_asking: Cell<bool>,
     /// When it connected, or last sent a request.
     seen: Cell<MonoTime>,
     /// Whether its answer is endless.
-    lasting: Lasting,
+    lasting: StreamSlot,
 }
 
 /// A place that is free again when this is dropped.
 #[derive(Debug)]
-struct Permit {
-    places: Rc<Places>,
+struct PlacePermit {
+    places: Rc<ConnectionPlaces>,
     number: u64,
 }
 
-impl Places {
+impl ConnectionPlaces {
     /// A place for one more. If all are taken, the connection that sent no request for longest and waits for no answer
     /// is closed; endless answers never take all places.
-    fn take(places: &Rc<Self>, lasting: Lasting) -> (Permit, Rc<Seat>) {
+    fn take(places: &Rc<Self>, lasting: StreamSlot) -> (PlacePermit, Rc<ConnectionSeat>) {
         if places.held.borrow().len() >= CONNECTIONS_MAX {
             places.make_room();
         }
         places.last.set(places.last.get() + 1);
-        let seat = Seat {
+        let seat = ConnectionSeat {
             is_asking: Cell::new(false),
             seen: Cell::new(clock::now()),
             lasting,
         };
         (
-            Permit {
+            PlacePermit {
                 places: Rc::clone(places),
                 number: places.last.get(),
             },
@@ -185,12 +197,12 @@ impl Places {
 
     /// Closes connections that would no longer be accepted: from a network that is not allowed, or without TLS where it
     /// is now required, or the other way round.
-    fn review(&self, front: &Front) {
+    fn review(&self, front: &ClientRequirements) {
         let is_encrypted = front.tls().is_some();
         self.send_away(|held| !front.allows(held.peer) || held.is_encrypted != is_encrypted);
     }
 
-    fn send_away(&self, goes: impl Fn(&Held) -> bool) {
+    fn send_away(&self, goes: impl Fn(&HeldConnection) -> bool) {
         // Closing gives the place back, which borrows the list.
         let gone: Vec<_> = self
             .held
@@ -202,7 +214,7 @@ impl Places {
 
     fn make_room(&self) {
         let mut held = self.held.borrow_mut();
-        let rank = |held: &Held| {
+        let rank = |held: &HeldConnection| {
             (
                 held.seat.lasting.is_lasting(),
                 held.seat.is_asking.get(),
@@ -219,21 +231,21 @@ impl Places {
     }
 }
 
-impl Drop for Permit {
+impl Drop for PlacePermit {
     fn drop(&mut self) {
         self.places.held.borrow_mut().remove(&self.number);
     }
 }
 
 /// The routes as one connection sees them.
-struct Guest {
+struct ConnectionRoutes {
     router: TowerToHyperService<Router>,
-    peer: Peer,
-    authority: Authority,
-    seat: Rc<Seat>,
+    peer: PeerAddress,
+    authority: AuthorityExtension,
+    seat: Rc<ConnectionSeat>,
 }
 
-impl Service<Request<Incoming>> for Guest {
+impl Service<Request<Incoming>> for ConnectionRoutes {
     type Response = Response;
     type Error = Infallible;
     type Future = Pin<Box<dyn Future<Output = Result<Response, Infallible>>>>;

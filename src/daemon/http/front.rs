@@ -1,13 +1,13 @@
 //! What the HTTP listener requires of clients, ready to use: networks, host names, users and a certificate.
 
-use crate::config::{HashSource, HttpSettings, HttpTls, UserSettings, Viewers};
+use crate::config::{HashSource, HttpSettings, HttpTls, PageViewers, UserSettings};
 use crate::daemon::host::authority;
 use crate::daemon::host::pem_files::{certificates, key};
 use crate::daemon::host::secret_files;
 use crate::domain::ids::CommanderName;
 use crate::guard::access::is_in;
 use crate::north::operator::password::StoredHash;
-use crate::north::operator::rights::Rights;
+use crate::north::operator::rights::UserRights;
 use ipnet::IpNet;
 use rustix::system::uname;
 use rustls::ServerConfig;
@@ -19,20 +19,20 @@ use std::sync::Arc;
 
 /// What the listener requires of clients. Empty without a listener.
 #[derive(Debug, Default)]
-pub struct Front {
+pub struct ClientRequirements {
     allow: Option<Vec<IpNet>>,
     hosts: Vec<String>,
-    users: Vec<User>,
+    users: Vec<HttpUser>,
     /// Only users who have signed in see the drives.
     is_private: bool,
     /// Users with the right to may set up.
     sets_up: bool,
-    tls: Option<Tls>,
+    tls: Option<FrontTls>,
 }
 
 /// How connections are encrypted.
 #[derive(Clone, Debug)]
-pub(super) struct Tls {
+pub(super) struct FrontTls {
     /// For the library.
     pub config: Arc<ServerConfig>,
     /// The certificate of the authority, where the configured chain ends with one.
@@ -41,16 +41,16 @@ pub(super) struct Tls {
 
 /// A user who may sign in.
 #[derive(Clone, Debug)]
-pub struct User {
+pub struct HttpUser {
     /// The user's name.
     pub name: CommanderName,
     /// The password.
     pub hash: StoredHash,
     /// What the user may do.
-    pub rights: Rights,
+    pub rights: UserRights,
 }
 
-impl Front {
+impl ClientRequirements {
     /// Reads the files that `settings` name. May block.
     ///
     /// # Errors
@@ -67,7 +67,7 @@ impl Front {
             .as_ref()
             .and_then(|tls| read_tls(tls).map_err(|why| problems.push(why)).ok());
         if problems.is_empty() {
-            let is_private = settings.view == Viewers::SignedIn;
+            let is_private = settings.view == PageViewers::SignedIn;
             let (allow, hosts, sets_up) = (
                 settings.allow.clone(),
                 hosts(&settings.hosts),
@@ -97,17 +97,17 @@ impl Front {
     }
 
     /// How connections are encrypted, if they are.
-    pub(super) const fn tls(&self) -> Option<&Tls> {
+    pub(super) const fn tls(&self) -> Option<&FrontTls> {
         self.tls.as_ref()
     }
 
     /// Who may sign in.
-    pub(super) fn users(&self) -> &[User] {
+    pub(super) fn users(&self) -> &[HttpUser] {
         &self.users
     }
 
     /// What `user` may do; `None` if there is no such user.
-    pub(super) fn rights(&self, user: CommanderName) -> Option<&Rights> {
+    pub(super) fn rights(&self, user: CommanderName) -> Option<&UserRights> {
         self.users
             .iter()
             .find(|it| it.name == user)
@@ -148,14 +148,14 @@ fn hosts(configured: &[String]) -> Vec<String> {
     configured.iter().cloned().chain(own).collect()
 }
 
-fn read_user(user: &UserSettings) -> Result<User, String> {
+fn read_user(user: &UserSettings) -> Result<HttpUser, String> {
     let hash = match &user.hash {
         HashSource::Text(hash) => hash.clone(),
         HashSource::File(path) => {
             read_hash(path).map_err(|why| format!("{}: {why}", path.display()))?
         }
     };
-    Ok(User {
+    Ok(HttpUser {
         name: user.name,
         hash,
         rights: user.rights.clone(),
@@ -169,7 +169,7 @@ fn read_hash(path: &Path) -> Result<StoredHash, String> {
     hash.map_err(|why| format!("{why}; right is what `vfd-gateway password` prints"))
 }
 
-fn read_tls(tls: &HttpTls) -> Result<Tls, String> {
+fn read_tls(tls: &HttpTls) -> Result<FrontTls, String> {
     let (chain, key) = match (certificates(&tls.cert_file), key(&tls.key_file)) {
         (Ok(chain), Ok(key)) => (chain, key),
         (chain, key) => {
@@ -202,7 +202,7 @@ fn read_tls(tls: &HttpTls) -> Result<Tls, String> {
             error => format!("{}: {error}", tls.cert_file.display()),
         })?;
     config.alpn_protocols = vec![b"http/1.1".to_vec()];
-    Ok(Tls {
+    Ok(FrontTls {
         config: Arc::new(config),
         authority,
     })

@@ -3,8 +3,8 @@
 use super::answers::{json, refusal};
 use crate::daemon::exchange::hand_over::{HandOver, hand_over};
 use crate::daemon::exchange::shared::SharedLine;
-use crate::daemon::local::{LocalSide, Who};
-use crate::journal::Tried;
+use crate::daemon::local::{LocalSide, OrderingClient};
+use crate::journal::TriedWrite;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json as value};
@@ -13,7 +13,7 @@ use std::sync::Arc;
 const EXPECTED: &str = r#"a body such as {"line": "hall-1"} is expected, or none for all lines"#;
 
 /// Carries out what `body` asks for: one line, or all lines on which this gateway sends.
-pub(super) async fn answer(side: Arc<LocalSide>, who: Who, body: &[u8]) -> Response {
+pub(super) async fn answer(side: Arc<LocalSide>, who: OrderingClient, body: &[u8]) -> Response {
     let Ok(named) = line_in(body) else {
         return refusal(StatusCode::BAD_REQUEST, EXPECTED);
     };
@@ -32,7 +32,7 @@ pub(super) async fn answer(side: Arc<LocalSide>, who: Who, body: &[u8]) -> Respo
         let _place = place;
         let ended = hand_over(&lines).await;
         for (line, outcome) in &ended {
-            keep(&side, who, line, *outcome);
+            journal_attempt(&side, who, line, *outcome);
         }
         ended
     });
@@ -52,7 +52,7 @@ pub(super) async fn answer(side: Arc<LocalSide>, who: Who, body: &[u8]) -> Respo
             .standby
             .as_ref()
             .map_or("the other one", |share| share.pair.partner.as_str());
-        value!({ "line": line.name.as_str(), "outcome": outcome.word(), "message": outcome.message(partner) })
+        value!({ "line": line.name.as_str(), "outcome": outcome.keyword(), "message": outcome.message(partner) })
     };
     let lines: Vec<_> = ended.iter().map(line).collect();
     let any = ended
@@ -111,15 +111,15 @@ fn chosen(side: &LocalSide, named: Option<&str>) -> Result<Vec<Arc<SharedLine>>,
     })
 }
 
-fn keep(side: &LocalSide, who: Who, line: &SharedLine, outcome: HandOver) {
+fn journal_attempt(side: &LocalSide, who: OrderingClient, line: &SharedLine, outcome: HandOver) {
     if let Some(report) = outcome.report() {
         side.keep(
             who,
             None,
-            Tried::Text(format!("standby yield {}", line.name)),
+            TriedWrite::Text(format!("standby yield {}", line.name)),
             report,
         );
-        tracing::info!(line = %line.name, by = %who.owner(), outcome = outcome.word(), "asked to give the line up");
+        tracing::info!(line = %line.name, by = %who.owner(), outcome = outcome.keyword(), "asked to give the line up");
     }
 }
 
@@ -127,18 +127,18 @@ fn keep(side: &LocalSide, who: Who, line: &SharedLine, outcome: HandOver) {
 mod tests {
     use super::super::setup_tests::ask;
     use super::*;
-    use crate::daemon::exchange::inbox::Message;
+    use crate::daemon::exchange::inbox::LineMessage;
     use crate::daemon::exchange::north_journal::NorthJournal;
-    use crate::daemon::exchange::shared::{Shared, StandbyShare};
+    use crate::daemon::exchange::shared::{SharedPlant, StandbyShare};
     use crate::domain::command::{Outcome, Owner};
     use crate::domain::ids::Name;
     use crate::domain::link::{Framing, Interface, LinkSettings};
     use crate::domain::report::LineReport;
     use crate::domain::standby::{LineRole, StandbyPair, StandbyReport, StandbyTrouble};
     use crate::drive::description::DriveRef;
-    use crate::journal::Attempt;
+    use crate::journal::WriteAttempt;
     use crate::line::standby::StandbyTimes;
-    use crate::line::timing::Timing;
+    use crate::line::timing::LineTiming;
     use std::sync::Mutex;
     use std::time::Duration;
     use tokio::time::sleep;
@@ -179,8 +179,8 @@ mod tests {
     struct Kept(Mutex<Vec<(Owner, String, Outcome)>>);
 
     impl NorthJournal for Kept {
-        fn keep(&self, drive: Option<DriveRef>, attempt: Attempt) {
-            let Tried::Text(text) = attempt.tried else {
+        fn keep(&self, drive: Option<DriveRef>, attempt: WriteAttempt) {
+            let TriedWrite::Text(text) = attempt.tried else {
                 panic!("{attempt:?}")
             };
             assert_eq!(drive, None);
@@ -204,7 +204,8 @@ mod tests {
             rank: 0,
             take_over_after: None,
         };
-        let timing = Timing::for_models(Framing::Rtu, LinkSettings::DEFAULT, [], Duration::ZERO);
+        let timing =
+            LineTiming::for_models(Framing::Rtu, LinkSettings::DEFAULT, [], Duration::ZERO);
         let times = StandbyTimes::shortest(&timing, Duration::from_millis(600));
         let line = |(number, (text, report)): (u16, &(&str, Option<StandbyReport>))| {
             let share = report.map(|_| StandbyShare {
@@ -218,7 +219,7 @@ mod tests {
             });
             Arc::new(line)
         };
-        let shared = Shared::of((0..).zip(lines).map(line).collect(), Arc::default());
+        let shared = SharedPlant::of((0..).zip(lines).map(line).collect(), Arc::default());
         let journal: Arc<dyn NorthJournal> = Arc::<Kept>::clone(kept);
         Arc::new(LocalSide::new(Arc::new(shared), None).keeping(Some(journal)))
     }
@@ -237,7 +238,7 @@ mod tests {
                     loop {
                         line.inbox.take(&mut batch);
                         for message in batch.drain(..) {
-                            assert!(matches!(message, Message::Yield), "{message:?}");
+                            assert!(matches!(message, LineMessage::Yield), "{message:?}");
                             for report in then {
                                 sleep(Duration::from_secs(1)).await;
                                 line.set_report(LineReport {

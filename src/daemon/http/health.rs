@@ -1,19 +1,19 @@
 //! The state of the gateway as JSON: for `/readyz` and for `vfd-gateway health`.
 
-use super::state::State;
+use super::state::HttpState;
 use crate::daemon::exchange::shared::{SharedDrive, SharedLine};
 use crate::daemon::host::clock;
 use crate::domain::report::{LineReport, LineState};
 use crate::domain::time::MonoTime;
 use crate::drive::plan::RefusedRegister;
-use crate::north::broker::Oversized;
-use crate::north::clock::Clock;
+use crate::north::broker::OversizedPublication;
+use crate::north::clock::LabelClock;
 use crate::north::shown::{self, presence, run_state, warning_text};
 use crate::profile::model::Model;
 use serde_json::{Value, json};
 
 /// Why the gateway is ready or not: each line and the broker.
-pub(super) fn readiness(state: &State) -> Value {
+pub(super) fn readiness(state: &HttpState) -> Value {
     json!({
         "ready": state.is_ready(),
         "lines": state.shared.load().lines.iter().map(|it| line(it)).collect::<Vec<_>>(),
@@ -23,7 +23,7 @@ pub(super) fn readiness(state: &State) -> Value {
 }
 
 /// Everything that `vfd-gateway health` shows.
-pub(super) fn health(state: &State, now: MonoTime) -> Value {
+pub(super) fn health(state: &HttpState, now: MonoTime) -> Value {
     json!({
         "gateway": state.gateway,
         "version": env!("CARGO_PKG_VERSION"),
@@ -39,7 +39,7 @@ pub(super) fn health(state: &State, now: MonoTime) -> Value {
 }
 
 /// The names of all lines.
-pub(super) fn line_names(state: &State) -> Vec<String> {
+pub(super) fn line_names(state: &HttpState) -> Vec<String> {
     state
         .shared
         .load()
@@ -78,16 +78,16 @@ fn drive(drive: &SharedDrive, now: MonoTime) -> Value {
         "uniform_unit": description.uniform_unit.get(),
         "presence": presence(&view),
         "was_read": view.snapshot.has_readings(),
-        "run_state": run_state(&view).word(),
+        "run_state": run_state(&view).keyword(),
         "may_still_run": view.sight.may_still_run,
-        "last_seen": shown::last_seen(&view, &Clock::new(clock::moment())),
-        "failsafe": shown::fail_safe(view.control.as_ref(), &Clock::new(clock::moment())),
+        "last_seen": shown::last_seen(&view, &LabelClock::new(clock::moment())),
+        "failsafe": shown::fail_safe(view.control.as_ref(), &LabelClock::new(clock::moment())),
         "output_outside": view.control.as_ref().map(|control| control.output_outside),
         "stopped_elsewhere": view.control.as_ref().map(|control| control.stopped_elsewhere),
         "warning": warning_text(description, &view, now),
         "undocumented_state": view.status.undocumented.map(|it| format!("{} holds {}", it.address, it.word)),
         "refused": view.refused.iter().map(|it| refused(&description.model, it)).collect::<Vec<_>>(),
-        "watchdog": view.watchdog.map(|watchdog| watchdog.state.word()),
+        "watchdog": view.watchdog.map(|watchdog| watchdog.state.keyword()),
         "site": description.control.as_ref().map(|control| shown::site(control)),
     })
 }
@@ -102,7 +102,7 @@ fn refused(model: &Model, refused: &RefusedRegister) -> Value {
     })
 }
 
-fn mqtt(state: &State) -> Value {
+fn mqtt(state: &HttpState) -> Value {
     state.mqtt.load().as_ref().map_or(Value::Null, |mqtt| {
         json!({
             "connected": mqtt.is_connected(),
@@ -117,7 +117,7 @@ fn mqtt(state: &State) -> Value {
     })
 }
 
-fn sparkplug(state: &State) -> Value {
+fn sparkplug(state: &HttpState) -> Value {
     state
         .sparkplug
         .load()
@@ -135,16 +135,16 @@ fn sparkplug(state: &State) -> Value {
         })
 }
 
-fn oversized(all: &[Oversized]) -> Vec<Value> {
-    let one = |Oversized {
+fn oversized(all: &[OversizedPublication]) -> Vec<Value> {
+    let one = |OversizedPublication {
                    topic,
                    bytes,
                    limit,
-               }: &Oversized| json!({ "topic": topic, "bytes": bytes, "limit": limit });
+               }: &OversizedPublication| json!({ "topic": topic, "bytes": bytes, "limit": limit });
     all.iter().map(one).collect()
 }
 
-fn socket(state: &State) -> Value {
+fn socket(state: &HttpState) -> Value {
     let Some(socket) = &state.socket else {
         return Value::Null;
     };
@@ -152,13 +152,13 @@ fn socket(state: &State) -> Value {
     json!({ "state": if reason.is_none() { "ok" } else { "missing" }, "reason": reason })
 }
 
-fn journal(state: &State) -> Value {
+fn journal(state: &HttpState) -> Value {
     let Some(journal) = &state.journal else {
         return Value::Null;
     };
     let report = journal.report();
     json!({
-        "state": report.state.word(),
+        "state": report.state.keyword(),
         "reason": report.reason,
         "moved_aside": report.moved_aside,
         "replaced": report.replaced,

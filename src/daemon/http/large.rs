@@ -22,9 +22,9 @@ const KIB_MAX: u32 = 8 * 1024;
 
 /// The room for large answers of one listener.
 #[derive(Clone, Debug)]
-pub struct Room(Arc<Semaphore>);
+pub struct AnswerRoom(Arc<Semaphore>);
 
-impl Default for Room {
+impl Default for AnswerRoom {
     fn default() -> Self {
         Self(Arc::new(Semaphore::new(KIB_MAX as usize)))
     }
@@ -32,16 +32,16 @@ impl Default for Room {
 
 /// An answer that is sent in pieces. Its room is free again when the last one is taken.
 #[derive(Debug)]
-pub struct Pieces {
+pub struct AnswerPieces {
     rest: Bytes,
     room: Option<OwnedSemaphorePermit>,
 }
 
-impl Room {
+impl AnswerRoom {
     /// `bytes` in pieces; `None` if there is no room for as many.
-    pub fn pieces(&self, bytes: Bytes) -> Option<Pieces> {
+    pub fn pieces(&self, bytes: Bytes) -> Option<AnswerPieces> {
         if bytes.len() <= PIECE_BYTES {
-            return Some(Pieces {
+            return Some(AnswerPieces {
                 rest: bytes,
                 room: None,
             });
@@ -50,14 +50,14 @@ impl Room {
             .unwrap_or(u32::MAX)
             .min(KIB_MAX);
         let room = Arc::clone(&self.0).try_acquire_many_owned(kib).ok()?;
-        Some(Pieces {
+        Some(AnswerPieces {
             rest: bytes,
             room: Some(room),
         })
     }
 }
 
-impl Pieces {
+impl AnswerPieces {
     /// The next one.
     pub fn next(&mut self) -> Option<Bytes> {
         if self.rest.is_empty() {
@@ -68,7 +68,7 @@ impl Pieces {
     }
 }
 
-impl HttpBody for Pieces {
+impl HttpBody for AnswerPieces {
     type Data = Bytes;
     type Error = Infallible;
 
@@ -89,7 +89,11 @@ impl HttpBody for Pieces {
 }
 
 /// Sends a large answer in pieces, or refuses it. Files of the program itself take no memory and pass.
-pub(super) async fn look(State(room): State<Room>, request: Request, next: Next) -> Response {
+pub(super) async fn limit_answer(
+    State(room): State<AnswerRoom>,
+    request: Request,
+    next: Next,
+) -> Response {
     let path = request.uri().path();
     let is_made = path.starts_with("/api/") || path == "/metrics";
     let answer = next.run(request).await;
@@ -125,7 +129,7 @@ mod tests {
 
     #[test]
     fn large_answers_share_their_room_and_give_it_back() {
-        let room = Room::default();
+        let room = AnswerRoom::default();
         let mut large: Vec<_> = (0..8)
             .map(|_| room.pieces(vec![1; 1024 * 1024].into()).unwrap())
             .collect();

@@ -1,14 +1,14 @@
 //! Metrics as OpenMetrics text, built at each scrape from what the lines publish.
 
-use super::state::State;
-use super::table::{self, Metric, Name, Sample};
-use crate::daemon::exchange::shared::{Shared, SharedDrive};
+use super::state::HttpState;
+use super::table::{self, MetricFamily, MetricName, MetricSample};
+use crate::daemon::exchange::shared::{SharedDrive, SharedPlant};
 use crate::domain::counts::ReplyCounts;
 use crate::domain::report::REPLY_CLASSES;
 use crate::domain::time::MonoTime;
 use crate::drive::view::DriveView;
 use crate::north::shown;
-use crate::profile::model::{PollClass, Register, Role};
+use crate::profile::model::{PollClass, Register, RegisterRole};
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::{DescriptorEncoder, MetricEncoder, NoLabelSet, text};
 use prometheus_client::registry::{Registry, Unit};
@@ -24,21 +24,21 @@ type Labels<'a> = Vec<(&'static str, &'a str)>;
 ///
 /// # Errors
 /// The encoder's; writing text never fails.
-pub(super) fn text(state: Arc<State>, now: MonoTime) -> Result<String, fmt::Error> {
+pub(super) fn text(state: Arc<HttpState>, now: MonoTime) -> Result<String, fmt::Error> {
     let mut registry = Registry::with_prefix(table::PREFIX);
-    registry.register_collector(Box::new(Scrape { state, now }));
+    registry.register_collector(Box::new(MetricsScrape { state, now }));
     let mut written = String::new();
     text::encode(&mut written, &registry)?;
     Ok(written)
 }
 
 #[derive(Debug)]
-struct Scrape {
-    state: Arc<State>,
+struct MetricsScrape {
+    state: Arc<HttpState>,
     now: MonoTime,
 }
 
-impl Collector for Scrape {
+impl Collector for MetricsScrape {
     fn encode(&self, mut encoder: DescriptorEncoder<'_>) -> fmt::Result {
         let state = &self.state;
         let shared = self.state.shared.get();
@@ -83,7 +83,7 @@ impl Collector for Scrape {
     }
 }
 
-impl Scrape {
+impl MetricsScrape {
     /// The polled registers of all drives, as far as they are fresh.
     fn registers(
         &self,
@@ -104,7 +104,7 @@ impl Scrape {
                 .iter()
                 .flat_map(|(drive, view)| fresh(drive, view, self.now))
         };
-        let is_output = |register: &Register| register.role == Some(Role::OutputFrequency);
+        let is_output = |register: &Register| register.role == Some(RegisterRole::OutputFrequency);
         let output = fresh().filter(|(_, register, _)| is_output(register));
         gauges(
             encoder,
@@ -126,7 +126,7 @@ impl Scrape {
     }
 
     /// How the lines see their drives.
-    fn stations(&self, encoder: &mut DescriptorEncoder<'_>, shared: &Shared) -> fmt::Result {
+    fn stations(&self, encoder: &mut DescriptorEncoder<'_>, shared: &SharedPlant) -> fmt::Result {
         let stations: Vec<_> = shared
             .drives
             .iter()
@@ -169,11 +169,11 @@ impl Scrape {
         let mut family = begin(encoder, &table::COMMANDS, None)?;
         for (drive, station) in &stations {
             for (source, outcome, count) in station.commands.iter() {
-                let more = vec![("source", source), ("outcome", outcome.word())];
+                let more = vec![("source", source), ("outcome", outcome.keyword())];
                 sample(
                     &mut family,
                     &[labels(drive), more].concat(),
-                    Value::Count(count),
+                    MetricValue::Count(count),
                 )?;
             }
         }
@@ -230,7 +230,7 @@ impl Scrape {
             sample(
                 &mut family,
                 &vec![("code", code.as_str())],
-                Value::Count(*count),
+                MetricValue::Count(*count),
             )?;
         }
         Ok(())
@@ -277,7 +277,7 @@ fn labels(drive: &SharedDrive) -> Labels<'_> {
 /// Each metric of `metrics` with a sample of each of `sources`.
 fn each<'a, T: 'a, I>(
     encoder: &mut DescriptorEncoder<'_>,
-    metrics: &[Metric<T>],
+    metrics: &[MetricFamily<T>],
     sources: impl Fn() -> I,
 ) -> fmt::Result
 where
@@ -288,9 +288,9 @@ where
         let mut family = begin(encoder, &metric.name, unit.as_ref())?;
         for (labels, source) in sources() {
             let value = match metric.sample {
-                Sample::Counter(take) => take(source).map(Value::Count),
-                Sample::Sum(take) => take(source).map(Value::Sum),
-                Sample::Gauge(take) => take(source).map(Value::Level),
+                MetricSample::Counter(take) => take(source).map(MetricValue::Count),
+                MetricSample::Sum(take) => take(source).map(MetricValue::Sum),
+                MetricSample::Gauge(take) => take(source).map(MetricValue::Level),
             };
             value.map_or(Ok(()), |value| sample(&mut family, &labels, value))?;
         }
@@ -301,37 +301,37 @@ where
 /// One metric with the samples `values`.
 fn gauges<'a>(
     encoder: &mut DescriptorEncoder<'_>,
-    name: &Name,
+    name: &MetricName,
     values: impl IntoIterator<Item = (Labels<'a>, f64)>,
 ) -> fmt::Result {
     let unit = unit(name);
     let mut family = begin(encoder, name, unit.as_ref())?;
     for (labels, value) in values {
-        sample(&mut family, &labels, Value::Level(value))?;
+        sample(&mut family, &labels, MetricValue::Level(value))?;
     }
     Ok(())
 }
 
 fn begin<'e>(
     encoder: &'e mut DescriptorEncoder<'_>,
-    name: &'e Name,
+    name: &'e MetricName,
     unit: Option<&'e Unit>,
 ) -> Result<MetricEncoder<'e>, fmt::Error> {
     encoder.encode_descriptor(name.name, name.help, unit, name.kind)
 }
 
-fn unit(name: &Name) -> Option<Unit> {
+fn unit(name: &MetricName) -> Option<Unit> {
     name.unit.map(|unit| Unit::Other(unit.to_owned()))
 }
 
 #[derive(Clone, Copy)]
-enum Value {
+enum MetricValue {
     Count(u64),
     Sum(f64),
     Level(f64),
 }
 
-fn sample(family: &mut MetricEncoder<'_>, labels: &Labels<'_>, value: Value) -> fmt::Result {
+fn sample(family: &mut MetricEncoder<'_>, labels: &Labels<'_>, value: MetricValue) -> fmt::Result {
     // Without labels no braces are written: some parsers reject empty ones.
     if labels.is_empty() {
         write(family, value)
@@ -340,11 +340,11 @@ fn sample(family: &mut MetricEncoder<'_>, labels: &Labels<'_>, value: Value) -> 
     }
 }
 
-fn write(encoder: &mut MetricEncoder<'_>, value: Value) -> fmt::Result {
+fn write(encoder: &mut MetricEncoder<'_>, value: MetricValue) -> fmt::Result {
     match value {
-        Value::Count(count) => encoder.encode_counter::<NoLabelSet, u64, u64>(&count, None),
-        Value::Sum(sum) => encoder.encode_counter::<NoLabelSet, f64, u64>(&sum, None),
-        Value::Level(level) => encoder.encode_gauge(&level),
+        MetricValue::Count(count) => encoder.encode_counter::<NoLabelSet, u64, u64>(&count, None),
+        MetricValue::Sum(sum) => encoder.encode_counter::<NoLabelSet, f64, u64>(&sum, None),
+        MetricValue::Level(level) => encoder.encode_gauge(&level),
     }
 }
 

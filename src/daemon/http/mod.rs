@@ -1,5 +1,5 @@
 //! HTTP for monitoring: alive, ready, health, metrics, the state of lines and drives. These routes read what the lines
-//! publish and request nothing from them. Signed-in users may command too, over TCP only ([`Control`]).
+//! publish and request nothing from them. Signed-in users may command too, over TCP only ([`HttpControl`]).
 //!
 //! They are served on a TCP listener ([`serve`]) and on a Unix socket in the data directory ([`socket::OwnSocket`]), by
 //! which the program's own commands reach the gateway. Only the socket has the routes that check and set what a drive
@@ -41,14 +41,14 @@ mod traffic_tests;
 mod watchdog;
 
 pub use connections::CONNECTIONS_MAX;
-pub use control::Control;
-pub use front::Front;
-pub use routes::Documents;
-pub use state::State;
+pub use control::HttpControl;
+pub use front::ClientRequirements;
+pub use routes::RouteDocuments;
+pub use state::HttpState;
 
 use axum::middleware::from_fn_with_state;
-use connections::Patience;
-use diagnostics::Diagnostics;
+use connections::ConnectionPatience;
+use diagnostics::ArchiveMaker;
 use std::sync::Arc;
 use tokio::net::TcpListener;
 
@@ -56,14 +56,26 @@ use tokio::net::TcpListener;
 pub const SEND_BUFFER_BYTES: u32 = 128 * 1024;
 
 /// Serves HTTP on `listener` until the task is dropped. It must run on a `LocalSet`.
-pub async fn serve(listener: TcpListener, documents: Documents, control: Arc<Control>) {
+pub async fn serve(listener: TcpListener, documents: RouteDocuments, control: Arc<HttpControl>) {
     let front = Arc::clone(control.front());
     let changed = Arc::clone(control.changed());
-    let diagnostics = Arc::new(Diagnostics::new(documents.clone()));
+    let diagnostics = Arc::new(ArchiveMaker::new(documents.clone()));
     let router =
         routes::router(documents).merge(control::router(Arc::clone(&control), diagnostics));
     let router = router.layer(from_fn_with_state(control, control::view));
-    let router = router.layer(from_fn_with_state(large::Room::default(), large::look));
-    let router = router.layer(from_fn_with_state(Arc::clone(&front), doorkeeper::look));
-    entrance::serve(listener, router, (front, changed), Patience::default()).await;
+    let router = router.layer(from_fn_with_state(
+        large::AnswerRoom::default(),
+        large::limit_answer,
+    ));
+    let router = router.layer(from_fn_with_state(
+        Arc::clone(&front),
+        doorkeeper::admit_request,
+    ));
+    entrance::serve(
+        listener,
+        router,
+        (front, changed),
+        ConnectionPatience::default(),
+    )
+    .await;
 }

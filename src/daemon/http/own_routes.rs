@@ -3,11 +3,11 @@
 use super::answers::json;
 use super::{hand_over, params, setup, standstill, watchdog};
 use crate::config::change::ChangeNote;
-use crate::daemon::exchange::reload_request::{Applied, Refusal, Reloaded};
+use crate::daemon::exchange::reload_request::{AppliedReload, ReloadRefusal, Reloaded};
 use crate::daemon::exchange::shared::SharedDrive;
-use crate::daemon::local::{LocalSide, Who};
+use crate::daemon::local::{LocalSide, OrderingClient};
 use crate::domain::address::Address;
-use crate::domain::command::{Go, Outcome, Owner, Reason, Report};
+use crate::domain::command::{GoOrder, Outcome, Owner, Reason, Report};
 use crate::domain::problem::Problem;
 use crate::north::setup_body::{EXAMPLE, WATCHDOG_EXAMPLE, addresses, watchdog_time};
 use crate::north::shown;
@@ -27,7 +27,7 @@ const BODY_BYTES_MAX: usize = 4096;
 /// The routes of the tools.
 pub(super) fn router(side: Arc<LocalSide>) -> Router {
     Router::new()
-        .route("/api/v1/drives/{name}/setup", get(look).post(set))
+        .route("/api/v1/drives/{name}/setup", get(show_setup).post(set))
         .route("/api/v1/drives/{name}/watchdog", post(set_watchdog))
         .route("/api/v1/drives/{name}/usage/reset", post(reset_usage))
         .route("/api/v1/drives/{name}/standstill", post(confirm_standstill))
@@ -38,12 +38,12 @@ pub(super) fn router(side: Arc<LocalSide>) -> Router {
         .with_state(side)
 }
 
-async fn look(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) -> Response {
+async fn show_setup(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) -> Response {
     let Some(_place) = side.place() else {
         return too_many(&name);
     };
     match find(&side, &name) {
-        Some(drive) => json(&setup::look(&side, &drive).await).into_response(),
+        Some(drive) => json(&setup::setup_json(&side, &drive).await).into_response(),
         None => unknown(&side, &name),
     }
 }
@@ -54,12 +54,12 @@ async fn set(
     body: Bytes,
 ) -> Response {
     match addresses(&body) {
-        Some(addresses) => carry_out(side, name, SettingRequest::Setup(addresses)).await,
+        Some(addresses) => execute(side, name, SettingRequest::Setup(addresses)).await,
         None => not_understood(
             &name,
             format!(
                 "a body such as {EXAMPLE} is expected, with 1 to {}",
-                Go::REGISTERS_MAX
+                GoOrder::REGISTERS_MAX
             ),
         ),
     }
@@ -71,7 +71,7 @@ async fn set_watchdog(
     body: Bytes,
 ) -> Response {
     match watchdog_time(&body) {
-        Some(time) => carry_out(side, name, SettingRequest::Watchdog(time)).await,
+        Some(time) => execute(side, name, SettingRequest::Watchdog(time)).await,
         None => not_understood(
             &name,
             format!("a body such as {WATCHDOG_EXAMPLE} is expected, with null for off"),
@@ -87,7 +87,7 @@ enum SettingRequest {
     Watchdog(Option<Duration>),
 }
 
-async fn carry_out(side: Arc<LocalSide>, name: String, wish: SettingRequest) -> Response {
+async fn execute(side: Arc<LocalSide>, name: String, wish: SettingRequest) -> Response {
     let Some(place) = side.place() else {
         return too_many(&name);
     };
@@ -127,7 +127,7 @@ async fn reset_usage(State(side): State<Arc<LocalSide>>, Path(name): Path<String
         return unknown(&side, &name);
     };
     let before = shown::usage(&drive.view.load());
-    if !side.reset_usage(Who::TOOL, drive.description.place) {
+    if !side.reset_usage(OrderingClient::TOOL, drive.description.place) {
         return too_many(&name);
     }
     tracing::info!(drive = name, by = %Owner::Local, %before, "energy, running hours, starts and trips set back to 0");
@@ -139,7 +139,7 @@ async fn confirm_standstill(
     Path(name): Path<String>,
 ) -> Response {
     match find(&side, &name) {
-        Some(drive) => standstill::confirm(&side, Who::TOOL, &drive),
+        Some(drive) => standstill::confirm(&side, OrderingClient::TOOL, &drive),
         None => unknown(&side, &name),
     }
 }
@@ -150,7 +150,7 @@ async fn reload(State(side): State<Arc<LocalSide>>) -> Response {
         Ok(done) => {
             let status = match &done {
                 Ok(_) => StatusCode::OK,
-                Err(Refusal::Configuration(_)) => StatusCode::UNPROCESSABLE_ENTITY,
+                Err(ReloadRefusal::Configuration(_)) => StatusCode::UNPROCESSABLE_ENTITY,
                 Err(_) => StatusCode::CONFLICT,
             };
             (status, json(&reload_answer(&done))).into_response()
@@ -160,14 +160,14 @@ async fn reload(State(side): State<Arc<LocalSide>>) -> Response {
 }
 
 async fn hand_over(State(side): State<Arc<LocalSide>>, body: Bytes) -> Response {
-    hand_over::answer(side, Who::TOOL, &body).await
+    hand_over::answer(side, OrderingClient::TOOL, &body).await
 }
 
 /// The outcome of a reload.
 fn reload_answer(done: &Reloaded) -> Value {
     match done {
-        Ok(Applied { changes, warnings }) => {
-            let change = |it: &ChangeNote| serde_json::json!({ "part": it.part.word(), "name": it.name, "change": it.how.word() });
+        Ok(AppliedReload { changes, warnings }) => {
+            let change = |it: &ChangeNote| serde_json::json!({ "part": it.part.keyword(), "name": it.name, "change": it.how.keyword() });
             let warning = |it: &Problem| serde_json::json!({ "key": it.key, "what": it.what, "right": it.right });
             serde_json::json!({
                 "reloaded": true,
@@ -177,7 +177,7 @@ fn reload_answer(done: &Reloaded) -> Value {
         }
         Err(refusal) => serde_json::json!({
             "reloaded": false,
-            "reason": refusal.word(),
+            "reason": refusal.keyword(),
             "drives": refusal.drives(),
             "message": refusal.to_string(),
         }),

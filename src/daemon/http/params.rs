@@ -3,17 +3,17 @@
 
 use super::answers::json as answer;
 use super::own_routes::{find, not_understood, too_many, unknown};
-use super::setup::{outcome, outcome_at, shown_or_why_not, word};
+use super::setup::{outcome, outcome_at, shown_or_why_not, word_json};
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::host::clock;
-use crate::daemon::local::{LocalSide, Who};
+use crate::daemon::local::{LocalSide, OrderingClient};
 use crate::domain::address::Address;
-use crate::domain::address::Table;
-use crate::domain::command::{Go, Order, Outcome, Owner, Reason, RegisterWrite, Report};
+use crate::domain::address::DataTable;
+use crate::domain::command::{GoOrder, Order, Outcome, Owner, Reason, RegisterWrite, Report};
 use crate::drive::view::RunState;
 use crate::north::setup_body::{PARAMETER_EXAMPLE, parameter_number};
 use crate::north::shown::run_state;
-use crate::profile::model::{CommitEffect, Group, Model, Register, Role};
+use crate::profile::model::{CommitEffect, Model, ParameterGroup, Register, RegisterRole};
 use axum::Router;
 use axum::body::Bytes;
 use axum::extract::{Path, State};
@@ -34,7 +34,7 @@ pub(super) fn router() -> Router<Arc<LocalSide>> {
         .route("/api/v1/drives/{name}/params/commit", post(commit))
         .route(
             "/api/v1/drives/{name}/params/{address}",
-            get(look).post(set),
+            get(show_parameter).post(set),
         )
 }
 
@@ -65,7 +65,7 @@ fn parameter(model: &Model, register: &Register) -> Value {
         "title": register.title,
         "address": register.address.number(),
         "unit": register.unit.symbol(),
-        "kind": register.parameter_kind().word(),
+        "kind": register.parameter_kind().keyword(),
         "reason": register.back_door,
         "is_stored": model.is_stored(register.address),
     })
@@ -80,18 +80,19 @@ fn commit_word(model: &Model) -> Value {
     last.map_or(Value::Null, |word| {
         let is_sent = model.commit(word.effect).is_some();
         let what = model.writable_at(word.address).map(Register::label);
-        json!({ "does": word.effect.word(), "what": what, "is_sent": is_sent })
+        json!({ "does": word.effect.keyword(), "what": what, "is_sent": is_sent })
     })
 }
 
 /// The registers of the model that are not parameters, each with the reason.
 fn left_out(model: &Model) -> Vec<Value> {
     let reason = |register: &Register| match (register.access.can_read(), register.role) {
-        (false, Some(Role::RunCommand | Role::Order | Role::FrequencyCommand)) => {
-            Some("a command register, which cannot be read")
-        }
+        (
+            false,
+            Some(RegisterRole::RunCommand | RegisterRole::Order | RegisterRole::FrequencyCommand),
+        ) => Some("a command register, which cannot be read"),
         (false, _) => Some("write-only"),
-        _ if register.address.table() != Table::Holding => {
+        _ if register.address.table() != DataTable::Holding => {
             Some("not a parameter: no holding register")
         }
         (true, _) if register.code.is_none() => {
@@ -107,7 +108,7 @@ fn left_out(model: &Model) -> Vec<Value> {
 }
 
 /// A group of parameters, including those that the model does not describe: the drive may or may not have them.
-fn others(model: &Model, group: &Group) -> Value {
+fn others(model: &Model, group: &ParameterGroup) -> Value {
     let unknown = model
         .addresses_of(group)
         .filter(|address| !model.has_word_at(*address))
@@ -116,7 +117,7 @@ fn others(model: &Model, group: &Group) -> Value {
 }
 
 /// The present value of one of them.
-async fn look(
+async fn show_parameter(
     State(side): State<Arc<LocalSide>>,
     Path((name, address)): Path<(String, u16)>,
 ) -> Response {
@@ -206,17 +207,17 @@ async fn commit(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) ->
     let carried_out = tokio::spawn(async move {
         let _place = place;
         let write = RegisterWrite::new(word.address, word.value);
-        let Some(go) = Go::new(vec![write], None, None) else {
+        let Some(go) = GoOrder::new(vec![write], None, None) else {
             return outcome_at(&drive, Report::refused(Reason::NotUnderstood), Vec::new());
         };
         let report = side
-            .command(Who::TOOL, drive.description.place, Order::Go(go))
+            .command(OrderingClient::TOOL, drive.description.place, Order::Go(go))
             .await;
         let name = drive.description.name.as_str();
         let (does, result, reason) = (
-            word.effect.word(),
-            report.outcome.word(),
-            report.reason.word(),
+            word.effect.keyword(),
+            report.outcome.keyword(),
+            report.reason.keyword(),
         );
         tracing::info!(drive = name, by = %Owner::Local, does, outcome = result, reason, "parameters committed");
         outcome_at(&drive, report, Vec::new())
@@ -261,7 +262,7 @@ async fn read(side: &LocalSide, drive: &SharedDrive, address: u16) -> Result<u32
 fn number(register: Option<&Register>, raw: u32) -> Value {
     let of_two = register.and_then(|register| Some((register, register.form.pair?)));
     let Some((register, order)) = of_two else {
-        return word(register, (raw & 0xFFFF) as u16);
+        return word_json(register, (raw & 0xFFFF) as u16);
     };
     let words = order.words(raw);
     let value = register.value(|address| address.word_in(register.address, &words));
@@ -301,13 +302,15 @@ async fn write(side: &LocalSide, drive: &SharedDrive, address: u16, new: u32) ->
     let Some(write) = written(model, address, new) else {
         return outcome(name, Report::refused(Reason::OutsideRange), Vec::new());
     };
-    let Some(go) = Go::new(vec![write], None, None) else {
+    let Some(go) = GoOrder::new(vec![write], None, None) else {
         return outcome(name, Report::refused(Reason::NotUnderstood), Vec::new());
     };
-    let report = side.command(Who::TOOL, place, Order::Go(go)).await;
+    let report = side
+        .command(OrderingClient::TOOL, place, Order::Go(go))
+        .await;
     let what = model.register_at(address).map_or("-", Register::label);
-    let result = report.outcome.word();
-    let reason = report.reason.word();
+    let result = report.outcome.keyword();
+    let reason = report.reason.keyword();
     tracing::info!(drive = name, by = %Owner::Local, what, old, new, outcome = result, reason, "parameter set");
     outcome_at(
         drive,

@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 /// Why the program's own commands do not reach the gateway, if they do not.
 #[derive(Debug, Default)]
-pub struct Reachable(ArcSwapOption<String>);
+pub struct CommandReachability(ArcSwapOption<String>);
 
-impl Reachable {
+impl CommandReachability {
     /// Why they do not; `None` if they do.
     #[must_use]
     pub fn refusal(&self) -> Option<String> {

@@ -2,11 +2,11 @@
 
 use super::answers::json;
 use super::health::line_names;
-use super::state::State as Known;
+use super::state::HttpState;
 use crate::daemon::exchange::shared::SharedLine;
 use crate::daemon::host::clock;
 use crate::domain::ids::Station;
-use crate::north::report::{DriveSeen, LineSeen, Observed, document};
+use crate::north::report::{DriveSeen, LineObserved, LineSeen, document};
 use crate::north::shown::warning_text;
 use axum::Router;
 use axum::extract::{Path, State};
@@ -31,16 +31,16 @@ const WAITING_MAX: usize = 16;
 
 /// What was counted some minutes ago.
 #[derive(Debug)]
-pub struct History {
-    known: Arc<Known>,
+pub struct CountHistory {
+    known: Arc<HttpState>,
     moments: Mutex<VecDeque<HashMap<u16, Arc<LineSeen>>>>,
     places: Semaphore,
 }
 
-impl History {
+impl CountHistory {
     /// An empty history.
     #[must_use]
-    pub fn new(known: Arc<Known>) -> Self {
+    pub fn new(known: Arc<HttpState>) -> Self {
         Self {
             known,
             moments: Mutex::default(),
@@ -62,7 +62,7 @@ impl History {
     fn remember(&self, lines: &[Arc<SharedLine>]) {
         let now = lines
             .iter()
-            .map(|line| (line.number, Arc::new(look(line))))
+            .map(|line| (line.number, Arc::new(line_seen(line))))
             .collect();
         let mut moments = self.moments.lock().unwrap_or_else(PoisonError::into_inner);
         if moments.len() >= MOMENTS {
@@ -73,7 +73,7 @@ impl History {
 }
 
 /// Stores the counts periodically. Never returns.
-pub async fn remember(history: Arc<History>) {
+pub async fn remember(history: Arc<CountHistory>) {
     loop {
         tokio::time::sleep(REMEMBER_EVERY).await;
         history.remember(&history.known.shared.get().lines);
@@ -81,14 +81,14 @@ pub async fn remember(history: Arc<History>) {
 }
 
 /// The route of the reports.
-pub(super) fn router(history: Arc<History>) -> Router {
+pub(super) fn router(history: Arc<CountHistory>) -> Router {
     Router::new()
         .route("/api/v1/lines/{name}/report", get(report))
         .with_state(history)
 }
 
 async fn report(
-    State(history): State<Arc<History>>,
+    State(history): State<Arc<CountHistory>>,
     Path(name): Path<String>,
     uri: Uri,
 ) -> Response {
@@ -129,13 +129,13 @@ async fn report(
                 )
                     .into_response();
             };
-            let before = Arc::new(look(&line));
+            let before = Arc::new(line_seen(&line));
             tokio::time::sleep(span).await;
             let now = find().filter(|now| now.number == line.number);
             (Some(before), now.unwrap_or(line))
         }
     };
-    let observed = Observed::between(before.as_deref(), look(&line), gateway.started);
+    let observed = LineObserved::between(before.as_deref(), line_seen(&line), gateway.started);
     json(&document(&line.name, &line.wiring, &observed)).into_response()
 }
 
@@ -154,7 +154,7 @@ fn span(query: Option<&str>) -> Option<Option<Duration>> {
 }
 
 /// The line as it is now.
-fn look(line: &SharedLine) -> LineSeen {
+fn line_seen(line: &SharedLine) -> LineSeen {
     let stations = line
         .wiring
         .stations
@@ -181,8 +181,8 @@ fn look(line: &SharedLine) -> LineSeen {
 
 #[cfg(test)]
 mod tests {
-    use super::super::connections::Patience;
-    use super::super::routes::Documents;
+    use super::super::connections::ConnectionPatience;
+    use super::super::routes::RouteDocuments;
     use super::super::tests::{UP, answer, on_a_runtime, online, serve_documents, show, state};
     use super::*;
     use crate::domain::counts::ExchangeCounts;
@@ -207,7 +207,7 @@ mod tests {
         }
     }
 
-    fn answered(state: &Known, replies: u64) {
+    fn answered(state: &HttpState, replies: u64) {
         let exchanges = ExchangeCounts {
             replies,
             ..ExchangeCounts::default()
@@ -221,9 +221,9 @@ mod tests {
             .store(Arc::new(station));
     }
 
-    fn told(documents: &Documents, path: &str) -> (u16, Value) {
+    fn get_document(documents: &RouteDocuments, path: &str) -> (u16, Value) {
         on_a_runtime(async {
-            let address = serve_documents(documents.clone(), Patience::default()).await;
+            let address = serve_documents(documents.clone(), ConnectionPatience::default()).await;
             let (status, body) =
                 answer(TcpStream::connect(address).await.unwrap(), "GET", path, "").await;
             (status, serde_json::from_str(&body).unwrap())
@@ -232,11 +232,12 @@ mod tests {
 
     #[test]
     fn a_report_without_a_span_reaches_back_to_the_oldest_moment_that_is_remembered() {
-        let documents = Documents::new(state(false));
+        let documents = RouteDocuments::new(state(false));
         let state = Arc::clone(&documents.state);
         show(&state, UP, online(clock::now()));
-        let exchanges =
-            || told(&documents, "/api/v1/lines/hall-1/report").1["rates"]["exchanges"].clone();
+        let exchanges = || {
+            get_document(&documents, "/api/v1/lines/hall-1/report").1["rates"]["exchanges"].clone()
+        };
         answered(&state, 40);
         assert_eq!(exchanges(), 40, "since the start");
         for replies in (100..).step_by(10).take(MOMENTS + 2) {
@@ -249,13 +250,13 @@ mod tests {
 
     #[test]
     fn what_cannot_be_reported_is_said() {
-        let documents = Documents::new(state(false));
-        let (status, body) = told(&documents, "/api/v1/lines/attic/report");
+        let documents = RouteDocuments::new(state(false));
+        let (status, body) = get_document(&documents, "/api/v1/lines/attic/report");
         assert_eq!(
             (status, &body["lines"]),
             (404, &serde_json::json!(["hall-1"]))
         );
-        let (status, body) = told(&documents, "/api/v1/lines/hall-1/report?seconds=500");
+        let (status, body) = get_document(&documents, "/api/v1/lines/hall-1/report?seconds=500");
         assert_eq!(status, 400);
         assert!(
             body["error"].as_str().unwrap().contains("seconds=240"),
@@ -267,11 +268,11 @@ mod tests {
             .try_acquire_many(WAITING_MAX as u32)
             .unwrap();
         assert_eq!(
-            told(&documents, "/api/v1/lines/hall-1/report?seconds=1").0,
+            get_document(&documents, "/api/v1/lines/hall-1/report?seconds=1").0,
             503
         );
         assert_eq!(
-            told(&documents, "/api/v1/lines/hall-1/report").0,
+            get_document(&documents, "/api/v1/lines/hall-1/report").0,
             200,
             "this one waits for nothing"
         );

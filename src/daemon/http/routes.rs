@@ -1,10 +1,10 @@
 //! The routes that every client may use.
 
 use super::answers::json;
-use super::entrance::Authority;
-use super::live::Live;
-use super::report::History;
-use super::state::State as Gateway;
+use super::entrance::AuthorityExtension;
+use super::live::LiveDocuments;
+use super::report::CountHistory;
+use super::state::HttpState;
 use super::{health, live, metrics, report, traffic};
 use crate::daemon::host::clock;
 use axum::extract::State;
@@ -25,30 +25,30 @@ const CERTIFICATE_TYPE: &str = "application/x-x509-ca-cert";
 
 /// The documents behind the routes.
 #[derive(Clone, Debug)]
-pub struct Documents {
+pub struct RouteDocuments {
     /// What the HTTP side knows.
-    pub state: Arc<Gateway>,
+    pub state: Arc<HttpState>,
     /// Live documents for the page.
-    pub live: Arc<Live>,
+    pub live: Arc<LiveDocuments>,
     /// The counts of some minutes ago.
-    pub history: Arc<History>,
+    pub history: Arc<CountHistory>,
 }
 
-impl Documents {
+impl RouteDocuments {
     /// Documents about a gateway that was just started.
     #[must_use]
-    pub fn new(state: Arc<Gateway>) -> Self {
+    pub fn new(state: Arc<HttpState>) -> Self {
         Self {
-            live: Arc::new(Live::new(Arc::clone(&state))),
-            history: Arc::new(History::new(Arc::clone(&state))),
+            live: Arc::new(LiveDocuments::new(Arc::clone(&state))),
+            history: Arc::new(CountHistory::new(Arc::clone(&state))),
             state,
         }
     }
 }
 
 /// The routes for every client. Other paths are answered with 404, other methods than GET with 405.
-pub(super) fn router(documents: Documents) -> Router {
-    let Documents {
+pub(super) fn router(documents: RouteDocuments) -> Router {
+    let RouteDocuments {
         state,
         live,
         history,
@@ -66,7 +66,7 @@ pub(super) fn router(documents: Documents) -> Router {
 }
 
 /// The authority behind the certificate of the page, for clients that are to trust it. On the socket there is none.
-async fn authority(of: Option<Extension<Authority>>) -> Response {
+async fn authority(of: Option<Extension<AuthorityExtension>>) -> Response {
     match of.and_then(|Extension(authority)| authority.0) {
         Some(certificate) => (
             [(header::CONTENT_TYPE, CERTIFICATE_TYPE)],
@@ -83,7 +83,7 @@ async fn authority(of: Option<Extension<Authority>>) -> Response {
 
 /// This answer shows that the main thread runs, which gives it. A line whose thread hangs sends no stop: the gateway
 /// should then be restarted.
-async fn alive(State(gateway): State<Arc<Gateway>>) -> Response {
+async fn alive(State(gateway): State<Arc<HttpState>>) -> Response {
     let shared = gateway.shared.get();
     let hung: Vec<_> = shared
         .lines
@@ -101,7 +101,7 @@ async fn alive(State(gateway): State<Arc<Gateway>>) -> Response {
         .into_response()
 }
 
-async fn ready(State(gateway): State<Arc<Gateway>>) -> Response {
+async fn ready(State(gateway): State<Arc<HttpState>>) -> Response {
     let readiness = health::readiness(&gateway);
     let status = if readiness["ready"] == true {
         StatusCode::OK
@@ -111,11 +111,11 @@ async fn ready(State(gateway): State<Arc<Gateway>>) -> Response {
     (status, json(&readiness)).into_response()
 }
 
-async fn healthy(State(gateway): State<Arc<Gateway>>) -> Response {
+async fn healthy(State(gateway): State<Arc<HttpState>>) -> Response {
     json(&health::health(&gateway, clock::now())).into_response()
 }
 
-async fn measured(State(gateway): State<Arc<Gateway>>, headers: HeaderMap) -> Response {
+async fn measured(State(gateway): State<Arc<HttpState>>, headers: HeaderMap) -> Response {
     let accepted = headers
         .get(header::ACCEPT)
         .and_then(|accept| accept.to_str().ok())

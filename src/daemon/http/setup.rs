@@ -3,7 +3,7 @@
 
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::host::clock;
-use crate::daemon::local::{LocalSide, Who};
+use crate::daemon::local::{LocalSide, OrderingClient};
 use crate::domain::address::Address;
 use crate::domain::command::{Order, Owner, Reason, Report};
 use crate::domain::link::Interface;
@@ -11,9 +11,9 @@ use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveRef;
 use crate::north::shown::message;
 use crate::profile::model::{
-    CommitEffect, Identity, Model, Register, RunForm, SetupItem, Watchdog,
+    CommitEffect, Model, ModelIdentity, ModelWatchdog, Register, RunForm, SetupItem,
 };
-use crate::profile::scale::Scaled;
+use crate::profile::scale::ScaledValue;
 use serde_json::{Map, Value, json};
 use std::time::Duration;
 
@@ -24,7 +24,7 @@ const READ_WITHIN: Duration = Duration::from_secs(5);
 pub(super) type Found = Result<u16, Report>;
 
 /// Reads which drive it is and what has to be set on it, and shows both.
-pub(super) async fn look(side: &LocalSide, drive: &SharedDrive) -> Value {
+pub(super) async fn setup_json(side: &LocalSide, drive: &SharedDrive) -> Value {
     let description = &drive.description;
     let model = &*drive.description.model;
     let items: Vec<_> = concerned(side, drive).collect();
@@ -85,7 +85,7 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, addresses: Vec<Ad
     }
     let old = read(side, place, addresses.iter().copied()).await;
     let report = side
-        .command(Who::TOOL, place, Order::Setup(addresses))
+        .command(OrderingClient::TOOL, place, Order::Setup(addresses))
         .await;
     let mut changes = Vec::with_capacity(items.len());
     for item in items {
@@ -95,8 +95,8 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, addresses: Vec<Ad
             .iter()
             .find(|(at, _)| Some(*at) == item.address)
             .and_then(|(_, found)| found.as_ref().ok());
-        let outcome = report.outcome.word();
-        let reason = report.reason.word();
+        let outcome = report.outcome.keyword();
+        let reason = report.reason.keyword();
         tracing::info!(drive = %name, by = %Owner::Local, what, old, new, outcome, reason, "set for bus control");
         changes.push(json!({ "what": what, "address": item.address.map(Address::number), "old": old, "new": new }));
     }
@@ -114,8 +114,8 @@ pub(super) fn outcome_at(drive: &SharedDrive, report: Report, changes: Vec<Value
 pub(super) fn outcome(name: &str, report: Report, changes: Vec<Value>) -> Value {
     json!({
         "drive": name,
-        "outcome": report.outcome.word(),
-        "reason": report.reason.word(),
+        "outcome": report.outcome.keyword(),
+        "reason": report.reason.keyword(),
         "message": report.message(),
         "held": report.held,
         "exception": report.exception,
@@ -188,7 +188,7 @@ fn shown_item(model: &Model, item: &SetupItem, found: Option<&Found>) -> Value {
         .values
         .value
         .iter()
-        .map(|value| word(register, *value))
+        .map(|value| word_json(register, *value))
         .collect::<Vec<_>>();
     shown.insert("wanted".to_owned(), wanted.into());
     shown.insert("result".to_owned(), result.into());
@@ -198,7 +198,7 @@ fn shown_item(model: &Model, item: &SetupItem, found: Option<&Found>) -> Value {
 /// Whether the drive is the one that the configuration names, and which one it is otherwise.
 fn shown_identity(
     drive: &SharedDrive,
-    identity: &Identity,
+    identity: &ModelIdentity,
     found: Option<&Found>,
 ) -> Map<String, Value> {
     let description = &drive.description;
@@ -230,7 +230,7 @@ fn shown_identity(
 
 fn shown_watchdog<'f>(
     drive: &SharedDrive,
-    watchdog: &Watchdog,
+    watchdog: &ModelWatchdog,
     found_at: impl Fn(Address) -> Option<&'f Found>,
 ) -> Map<String, Value> {
     let model = &*drive.description.model;
@@ -240,7 +240,7 @@ fn shown_watchdog<'f>(
         .view
         .load()
         .watchdog
-        .map(|watchdog| watchdog.state.word());
+        .map(|watchdog| watchdog.state.keyword());
     let state = match found {
         Some(Ok(word)) if *word == watchdog.off.value => "off",
         Some(Ok(_)) => "on",
@@ -248,7 +248,7 @@ fn shown_watchdog<'f>(
     };
     let action = watchdog.action.and_then(|address| {
         let held = found_at(address)?.as_ref().ok()?;
-        Some(word(model.register_at(address), *held))
+        Some(word_json(model.register_at(address), *held))
     });
     let mut shown = seen(model, register, found);
     let what = register.map(|register| register.code.as_deref().unwrap_or(&register.name));
@@ -271,7 +271,7 @@ pub(super) fn seen(
     let failure = found.and_then(|found| found.as_ref().err());
     let held = found
         .and_then(|found| found.as_ref().ok())
-        .map(|held| word(register, *held));
+        .map(|held| word_json(register, *held));
     shown_or_why_not(model, held, failure)
 }
 
@@ -283,7 +283,10 @@ pub(super) fn shown_or_why_not(
 ) -> Map<String, Value> {
     let keys = [
         ("found", word.unwrap_or(Value::Null)),
-        ("reason", failure.map(|report| report.reason.word()).into()),
+        (
+            "reason",
+            failure.map(|report| report.reason.keyword()).into(),
+        ),
         (
             "message",
             failure.map(|report| message(model, report)).into(),
@@ -299,10 +302,16 @@ pub(super) fn shown_or_why_not(
 }
 
 /// A word and its meaning, if it is more than a number.
-pub(super) fn word(register: Option<&Register>, raw: u16) -> Value {
+pub(super) fn word_json(register: Option<&Register>, raw: u16) -> Value {
     let text = register.and_then(|register| {
         let is_plain = register.unit == UnitOfMeasure::None && register.scale == 1;
-        let scaled = || format!("{} {}", Scaled::from_word(raw, register), register.unit);
+        let scaled = || {
+            format!(
+                "{} {}",
+                ScaledValue::from_word(raw, register),
+                register.unit
+            )
+        };
         let meaning = register.meaning(raw).map(str::to_owned);
         meaning.or_else(|| (!is_plain).then(scaled))
     });

@@ -2,16 +2,18 @@
 
 use super::own_routes;
 use super::tests::{answer, on_a_runtime, state};
-use crate::daemon::exchange::answers::{AnswerBox, News};
-use crate::daemon::exchange::inbox::Message;
-use crate::daemon::exchange::shared::{Shared, SharedDrive};
+use crate::daemon::exchange::answers::{AnswerBox, LineNews};
+use crate::daemon::exchange::inbox::LineMessage;
+use crate::daemon::exchange::shared::{SharedDrive, SharedPlant};
 use crate::daemon::local::{LocalSide, TOOLS_MAX};
 use crate::domain::command::{CommandAnswer, Order, Outcome, Reason, Report};
 use crate::domain::ids::Name;
 use crate::domain::link::Interface;
 use crate::domain::native::{NativeAnswer, NativeAsk, NativeOutcome};
 use crate::drive::description::DriveDescription;
-use crate::profile::model::{CodeText, Confidence, Fact, Identity, Model, RunForm, Watchdog};
+use crate::profile::model::{
+    CodeText, Confidence, Fact, Model, ModelIdentity, ModelWatchdog, RunForm,
+};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
@@ -34,7 +36,7 @@ fn side(interface: Interface, change: impl FnOnce(&mut Model)) -> Arc<LocalSide>
     };
     let line = (Name::new("hall-1").unwrap(), interface);
     Arc::new(LocalSide::new(
-        Arc::new(Shared::new(vec![line], vec![description])),
+        Arc::new(SharedPlant::new(vec![line], vec![description])),
         None,
     ))
 }
@@ -56,9 +58,9 @@ impl Drive {
         }
     }
 
-    fn hear(&self, message: Message) -> News {
+    fn hear(&self, message: LineMessage) -> LineNews {
         match message {
-            Message::Native(request) => {
+            LineMessage::Native(request) => {
                 let NativeAsk::Read { address, count: 1 } = request.ask else {
                     panic!("{request:?}")
                 };
@@ -69,13 +71,13 @@ impl Drive {
                         NativeOutcome::Words(vec![word].into())
                     }),
                 };
-                News::Native(NativeAnswer {
+                LineNews::Native(NativeAnswer {
                     asker: request.asker,
                     ticket: request.ticket,
                     outcome,
                 })
             }
-            Message::Command(command) => {
+            LineMessage::Command(command) => {
                 if let Order::Setup(addresses) = &command.order {
                     self.words
                         .lock()
@@ -87,7 +89,7 @@ impl Drive {
                 let asker = command.asker;
                 let ticket = command.ticket;
                 let drive = command.drive;
-                News::Command(CommandAnswer {
+                LineNews::Command(CommandAnswer {
                     asker,
                     ticket,
                     drive,
@@ -128,7 +130,7 @@ pub(super) async fn ask(
     tokio::task::spawn_local(super::connections::converse(
         server,
         router,
-        super::Patience::default(),
+        super::ConnectionPatience::default(),
         super::lasting::places(),
     ));
     let (status, text) = answer(client, method, path, body).await;
@@ -275,7 +277,7 @@ fn watched(model: &mut Model) {
         confidence: Confidence::Manual,
         source: "test".to_owned(),
     };
-    model.watchdog = Some(Watchdog {
+    model.watchdog = Some(ModelWatchdog {
         time: (F007).into(),
         off,
         action: Some((F010).into()),
@@ -328,7 +330,7 @@ fn identified(model: &mut Model) {
         source: "test".to_owned(),
     };
     let others = vec![(0x0200, "Acme 2".to_owned())];
-    model.identity = Some(Identity {
+    model.identity = Some(ModelIdentity {
         address: (F007).into(),
         mask: 0xFF00,
         values,

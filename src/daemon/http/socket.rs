@@ -1,11 +1,11 @@
 //! The Unix socket by which the program's own commands reach the running gateway.
 
-use super::connections::{self, Patience};
-use super::diagnostics::{self, Diagnostics};
-use super::reachable::Reachable;
-use super::routes::Documents;
+use super::connections::{self, ConnectionPatience};
+use super::diagnostics::{self, ArchiveMaker};
+use super::reachable::CommandReachability;
+use super::routes::RouteDocuments;
 use super::{own_routes, qualify, routes};
-use crate::daemon::host::own_lock::{AlreadyRunning, Lock};
+use crate::daemon::host::own_lock::{AlreadyRunning, DataDirLock};
 use crate::daemon::local::LocalSide;
 use rustix::fs::{FileType, Mode};
 use std::io;
@@ -45,9 +45,9 @@ pub struct OwnSocket {
     /// Whether the file is ours.
     is_made: bool,
     path: PathBuf,
-    reachable: Arc<Reachable>,
+    reachable: Arc<CommandReachability>,
     /// Released after the socket.
-    _lock: Lock,
+    _lock: DataDirLock,
 }
 
 impl OwnSocket {
@@ -58,7 +58,7 @@ impl OwnSocket {
     /// # Errors
     /// [`AlreadyRunning`] if another gateway runs on the same directory.
     pub fn open(directory: &Path) -> Result<Self, AlreadyRunning> {
-        let lock = Lock::take(directory)?;
+        let lock = DataDirLock::take(directory)?;
         let path = directory.join(SOCKET_NAME);
         let reachable = Arc::default();
         let mut own = Self {
@@ -82,12 +82,12 @@ impl OwnSocket {
 
     /// Whether the program's own commands reach the gateway; updated from now on.
     #[must_use]
-    pub fn reachable(&self) -> Arc<Reachable> {
+    pub fn reachable(&self) -> Arc<CommandReachability> {
         Arc::clone(&self.reachable)
     }
 
     /// Serves HTTP on it until the task is dropped, which removes the file. Must run on a `LocalSet`.
-    pub async fn serve(mut self, documents: Documents, side: Arc<LocalSide>) {
+    pub async fn serve(mut self, documents: RouteDocuments, side: Arc<LocalSide>) {
         while self.listener.is_none() {
             tokio::time::sleep(AGAIN_AFTER).await;
             if self.make().is_ok() {
@@ -98,10 +98,10 @@ impl OwnSocket {
             let data_dir = self.path.parent().map(Path::to_owned).unwrap_or_default();
             let trials = qualify::router(Arc::clone(&side), data_dir);
             let diagnostics =
-                diagnostics::own_router(Arc::new(Diagnostics::new(documents.clone())));
+                diagnostics::own_router(Arc::new(ArchiveMaker::new(documents.clone())));
             let own = own_routes::router(side).merge(trials).merge(diagnostics);
             let router = routes::router(documents).merge(own);
-            connections::serve(listener, router, Patience::default()).await;
+            connections::serve(listener, router, ConnectionPatience::default()).await;
         }
     }
 

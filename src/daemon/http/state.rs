@@ -1,10 +1,10 @@
 //! What the HTTP side reads: what the lines publish, and the counts of the other north sides.
 
-use super::reachable::Reachable;
-use crate::daemon::exchange::shared::Current;
+use super::reachable::CommandReachability;
+use crate::daemon::exchange::shared::CurrentPlant;
 use crate::daemon::exchange::totals::{ModbusTotals, MqttTotals, SparkplugTotals};
 use crate::daemon::journal::Journal;
-use crate::daemon::trends::Trends;
+use crate::daemon::trends::KeptTrends;
 use crate::domain::report::LineState;
 use crate::domain::time::{MonoTime, WallTime};
 use arc_swap::ArcSwapOption;
@@ -13,11 +13,11 @@ use std::sync::Arc;
 
 /// What the HTTP side reads. It is created once, when the gateway starts.
 #[derive(Debug)]
-pub struct State {
+pub struct HttpState {
     /// The gateway's name.
     pub gateway: String,
     /// Lines and drives.
-    pub shared: Current,
+    pub shared: CurrentPlant,
     /// Counts of the Modbus TCP side.
     pub modbus: Arc<ModbusTotals>,
     /// State and counts of the MQTT side; `None` if no broker is configured.
@@ -27,18 +27,18 @@ pub struct State {
     /// The journal; `None` without a data directory.
     pub journal: Option<Arc<Journal>>,
     /// The kept trends; `None` without a data directory.
-    pub trends: Option<Arc<Trends>>,
+    pub trends: Option<Arc<KeptTrends>>,
     /// The configuration file; `None` if there is none.
     pub configuration: Option<PathBuf>,
     /// Whether the program's own commands reach the gateway; `None` without a data directory.
-    pub socket: Option<Arc<Reachable>>,
+    pub socket: Option<Arc<CommandReachability>>,
     /// When the gateway started.
     pub started: MonoTime,
     /// When the gateway started, on the wall clock.
     pub started_at: WallTime,
 }
 
-impl State {
+impl HttpState {
     /// Whether all lines are open and the broker is connected, if there is one.
     #[must_use]
     pub fn is_ready(&self) -> bool {

@@ -12,14 +12,14 @@ pub const PIECE_BYTES: usize = 64 * 1024;
 
 /// A connection whose client has to read each piece in time. While nothing waits for it there is no limit.
 #[derive(Debug)]
-pub(super) struct Taking<S> {
+pub(super) struct WriteTimeout<S> {
     stream: S,
     within: Duration,
     /// The time limit of the current piece, and how much the client has read of it.
     waiting: Option<(Pin<Box<Sleep>>, usize)>,
 }
 
-impl<S> Taking<S> {
+impl<S> WriteTimeout<S> {
     /// A connection over `stream`, with `within` for each piece.
     pub(super) const fn new(stream: S, within: Duration) -> Self {
         Self {
@@ -52,7 +52,7 @@ impl<S> Taking<S> {
     }
 }
 
-impl<S: AsyncRead + Unpin> AsyncRead for Taking<S> {
+impl<S: AsyncRead + Unpin> AsyncRead for WriteTimeout<S> {
     fn poll_read(
         mut self: Pin<&mut Self>,
         cx: &mut Context<'_>,
@@ -62,7 +62,7 @@ impl<S: AsyncRead + Unpin> AsyncRead for Taking<S> {
     }
 }
 
-impl<S: AsyncWrite + Unpin> AsyncWrite for Taking<S> {
+impl<S: AsyncWrite + Unpin> AsyncWrite for WriteTimeout<S> {
     fn poll_write(
         mut self: Pin<&mut Self>,
         cx: &mut Context<'_>,
@@ -126,7 +126,7 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn who_takes_nothing_is_let_go_and_who_has_nothing_to_take_is_not() {
         let (ours, mut client) = duplex(1024);
-        let mut ours = Taking::new(ours, WITHIN);
+        let mut ours = WriteTimeout::new(ours, WITHIN);
         ours.write_all(&[1; 1024]).await.unwrap();
         ours.flush().await.unwrap();
         tokio::time::sleep(WITHIN * 10).await;
@@ -149,7 +149,7 @@ mod tests {
                     tokio::time::sleep(WITHIN / 2).await;
                 }
             });
-            let mut ours = Taking::new(ours, WITHIN + Duration::from_millis(1));
+            let mut ours = WriteTimeout::new(ours, WITHIN + Duration::from_millis(1));
             let written = async {
                 ours.write_all(&vec![1; PIECE_BYTES * 5]).await?;
                 ours.flush().await

@@ -1,11 +1,11 @@
 //! Answers over real sockets, from a gateway whose lines are played by the test.
 
-use super::connections::{self, CONNECTIONS_MAX, Patience};
-use super::routes::{self, Documents};
+use super::connections::{self, CONNECTIONS_MAX, ConnectionPatience};
+use super::routes::{self, RouteDocuments};
 use super::socket::{OwnSocket, SOCKET_NAME};
-use super::state::State;
+use super::state::HttpState;
 use super::table;
-use crate::daemon::exchange::shared::Shared;
+use crate::daemon::exchange::shared::SharedPlant;
 use crate::daemon::exchange::totals::{ModbusTotals, MqttTotals};
 use crate::daemon::host::clock;
 use crate::daemon::local::LocalSide;
@@ -20,10 +20,10 @@ use crate::domain::report::{
 use crate::domain::report::{ReplyReport, StationReport, StopBounds};
 use crate::domain::standby::{LineRole, StandbyReport, StandbyTrouble};
 use crate::domain::time::{MonoTime, WallTime};
-use crate::drive::description::{DriveDescription, DriveRef, Points};
-use crate::drive::snapshot::{DriveSnapshot, Presence};
+use crate::drive::description::{DriveDescription, DriveRef, PointSettings};
+use crate::drive::snapshot::{DrivePresence, DriveSnapshot};
 use crate::drive::view::{ControlView, DriveView, RunState};
-use crate::north::modbus::Counters;
+use crate::north::modbus::ConnectionCounters;
 use crate::north::mqtt;
 use crate::vendors;
 use prometheus_client::metrics::MetricType;
@@ -52,24 +52,24 @@ pub(super) fn description() -> DriveDescription {
         unit: UnitId::new(1).unwrap(),
         uniform_unit: UnitId::new(101).unwrap(),
         group: None,
-        pace: crate::drive::plan::Pace::new(Duration::from_secs(1), 1.0),
-        ratings: crate::drive::description::Ratings::default(),
+        pace: crate::drive::plan::PollPace::new(Duration::from_secs(1), 1.0),
+        ratings: crate::drive::description::DriveRatings::default(),
         control: None,
-        points: Points::default(),
+        points: PointSettings::default(),
     }
 }
 
 /// One line with one drive, with a broker if `broker`.
-pub(super) fn state(broker: bool) -> Arc<State> {
+pub(super) fn state(broker: bool) -> Arc<HttpState> {
     let name = |text| Name::new(text).unwrap();
-    Arc::new(State {
+    Arc::new(HttpState {
         sparkplug: None.into(),
         journal: None,
         trends: None,
         socket: None,
         configuration: None,
         gateway: "plant-a".to_owned(),
-        shared: Arc::new(Shared::new(
+        shared: Arc::new(SharedPlant::new(
             vec![(name("hall-1"), Interface::Rs485)],
             vec![description()],
         ))
@@ -83,7 +83,7 @@ pub(super) fn state(broker: bool) -> Arc<State> {
     })
 }
 
-pub(super) fn show(state: &State, report: LineReport, view: DriveView) {
+pub(super) fn show(state: &HttpState, report: LineReport, view: DriveView) {
     state.shared.load().lines[0].set_report(report);
     state.shared.load().drives[0].view.store(Arc::new(view));
 }
@@ -143,7 +143,7 @@ pub(super) const UP: LineReport = LineReport {
 /// A drive that answered at `at` with 50.00 Hz and 3 trips.
 pub(super) fn online(at: MonoTime) -> DriveView {
     let mut snapshot = DriveSnapshot::default();
-    snapshot.presence = Presence::Online;
+    snapshot.presence = DrivePresence::Online;
     snapshot.take(0x0101_u16.into(), &[5000], at);
     snapshot.take(0x0112_u16.into(), &[3], at);
     DriveView {
@@ -162,11 +162,14 @@ pub(super) fn on_a_runtime<F: Future>(test: F) -> F::Output {
     LocalSet::new().block_on(&runtime, test)
 }
 
-pub(super) async fn serve(state: &Arc<State>, patience: Patience) -> SocketAddr {
-    serve_documents(Documents::new(Arc::clone(state)), patience).await
+pub(super) async fn serve(state: &Arc<HttpState>, patience: ConnectionPatience) -> SocketAddr {
+    serve_documents(RouteDocuments::new(Arc::clone(state)), patience).await
 }
 
-pub(super) async fn serve_documents(documents: Documents, patience: Patience) -> SocketAddr {
+pub(super) async fn serve_documents(
+    documents: RouteDocuments,
+    patience: ConnectionPatience,
+) -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     tokio::task::spawn_local(connections::serve(
@@ -207,7 +210,7 @@ pub(super) async fn answer(
 fn alive_and_ready_differ() {
     on_a_runtime(async {
         let state = state(true);
-        let address = serve(&state, Patience::default()).await;
+        let address = serve(&state, ConnectionPatience::default()).await;
         assert_eq!(
             ask(address, "GET", "/healthz").await,
             (200, "ok\n".to_owned())
@@ -244,7 +247,7 @@ fn alive_and_ready_differ() {
 #[test]
 fn what_is_not_there_is_404_and_what_does_not_only_look_is_405() {
     on_a_runtime(async {
-        let address = serve(&state(false), Patience::default()).await;
+        let address = serve(&state(false), ConnectionPatience::default()).await;
         for (method, path, status) in [
             ("GET", "/", 200),
             ("GET", "/assets/", 404),
@@ -269,7 +272,7 @@ fn health_names_lines_and_drives() {
     on_a_runtime(async {
         let state = state(false);
         show(&state, UP, online(clock::now()));
-        let address = serve(&state, Patience::default()).await;
+        let address = serve(&state, ConnectionPatience::default()).await;
         let (_, body) = ask(address, "GET", "/api/v1/health").await;
         let health: serde_json::Value = serde_json::from_str(&body).unwrap();
         assert_eq!(health["gateway"], "plant-a");
@@ -309,12 +312,12 @@ fn metrics_show_lines_drives_and_only_fresh_values() {
     seen(Duration::from_millis(2900));
     state.modbus.opened();
     state.modbus.add(
-        &Counters::default(),
-        &Counters {
+        &ConnectionCounters::default(),
+        &ConnectionCounters {
             requests: 3,
             replies: 2,
             exceptions: one_of_02(),
-            ..Counters::default()
+            ..ConnectionCounters::default()
         },
     );
     let fresh = text();
@@ -538,15 +541,15 @@ fn who_does_not_know_open_metrics_gets_the_format_before_it() {
     assert_eq!(super::metrics::older(text), older);
 }
 
-fn one_of_02() -> [u64; Counters::EXCEPTION_CODES] {
+fn one_of_02() -> [u64; ConnectionCounters::EXCEPTION_CODES] {
     std::array::from_fn(|code| u64::from(code == 2))
 }
 
 /// All metrics with their labels.
-fn metrics() -> Vec<(&'static table::Name, &'static str)> {
+fn metrics() -> Vec<(&'static table::MetricName, &'static str)> {
     fn names<T>(
-        metrics: &'static [table::Metric<T>],
-    ) -> impl Iterator<Item = &'static table::Name> {
+        metrics: &'static [table::MetricFamily<T>],
+    ) -> impl Iterator<Item = &'static table::MetricName> {
         metrics.iter().map(|metric| &metric.name)
     }
     let of = |labels: &'static str| move |name| (name, labels);
@@ -589,7 +592,7 @@ fn the_reference_has_every_metric_as_it_is_served() {
     let text =
         std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/metrics.md"))
             .unwrap();
-    let row = |(name, labels): (&table::Name, &str)| {
+    let row = |(name, labels): (&table::MetricName, &str)| {
         let unit = name.unit.map(|unit| format!("_{unit}")).unwrap_or_default();
         let total = if matches!(name.kind, MetricType::Counter) {
             "_total"
@@ -698,7 +701,7 @@ fn delivered(file: &str) -> String {
 }
 
 /// The names of the samples of a metric.
-fn sample_names(name: &table::Name) -> Vec<String> {
+fn sample_names(name: &table::MetricName) -> Vec<String> {
     let unit = name.unit.map(|unit| format!("_{unit}")).unwrap_or_default();
     let endings: &[&str] = match name.kind {
         MetricType::Counter => &["_total"],
@@ -717,9 +720,9 @@ fn who_says_nothing_or_stays_too_long_is_shown_the_door() {
         let short = Duration::from_millis(200);
         let address = serve(
             &state(false),
-            Patience {
+            ConnectionPatience {
                 head: short,
-                ..Patience::default()
+                ..ConnectionPatience::default()
             },
         )
         .await;
@@ -732,9 +735,9 @@ fn who_says_nothing_or_stays_too_long_is_shown_the_door() {
             .unwrap();
         let address = serve(
             &state(false),
-            Patience {
+            ConnectionPatience {
                 connection: short,
-                ..Patience::default()
+                ..ConnectionPatience::default()
             },
         )
         .await;
@@ -752,7 +755,7 @@ fn who_says_nothing_or_stays_too_long_is_shown_the_door() {
 #[test]
 fn one_connection_too_many_waits_for_its_place() {
     on_a_runtime(async {
-        let address = serve(&state(false), Patience::default()).await;
+        let address = serve(&state(false), ConnectionPatience::default()).await;
         let mut held = Vec::new();
         for _ in 0..CONNECTIONS_MAX {
             held.push(TcpStream::connect(address).await.unwrap());
@@ -778,7 +781,7 @@ fn the_socket_is_its_owners_alone_and_goes_with_the_gateway() {
         assert_eq!(path.metadata().unwrap().permissions().mode() & 0o777, 0o600);
         let state = state(false);
         let side = Arc::new(LocalSide::new(state.shared.clone(), None));
-        tokio::task::spawn_local(socket.serve(Documents::new(Arc::clone(&state)), side));
+        tokio::task::spawn_local(socket.serve(RouteDocuments::new(Arc::clone(&state)), side));
         let connect = async || UnixStream::connect(&path).await.unwrap();
         assert_eq!(answer(connect().await, "GET", "/healthz", "").await.0, 200);
         // What only the tools may do is served here and nowhere else.
@@ -789,7 +792,7 @@ fn the_socket_is_its_owners_alone_and_goes_with_the_gateway() {
                 .1
                 .contains("unknown_drive")
         );
-        let address = serve(&state, Patience::default()).await;
+        let address = serve(&state, ConnectionPatience::default()).await;
         for (method, path) in [
             ("GET", setup),
             ("GET", "/api/v1/drives/pump-1/setup"),
@@ -868,7 +871,7 @@ fn what_is_no_socket_is_left_alone() {
 fn the_broker_is_counted_once_a_connection() {
     let mqtt = MqttTotals::default();
     for connected in [true, true, false, true] {
-        let counters = mqtt::Counters {
+        let counters = mqtt::MqttCounters {
             messages_in: 5,
             messages_out: 6,
             refused_retained: 7,

@@ -4,13 +4,13 @@
 //! record it has seen continues after that one.
 
 use super::answers::json;
-use super::state::State as Gateway;
+use super::state::HttpState;
 use crate::daemon::exchange::shared::SharedLine;
-use crate::daemon::exchange::traffic::{LISTENERS_MAX, Listener};
+use crate::daemon::exchange::traffic::{LISTENERS_MAX, TrafficListener};
 use crate::daemon::host::clock;
 use crate::domain::calendar::rfc3339;
 use crate::domain::time::{MonoTime, WallTime};
-use crate::north::traffic::{Decoder, KnownDrive, LineFacts};
+use crate::north::traffic::{KnownDrive, LineFacts, TrafficDecoder};
 use crate::toml_file::words::{SHOWN_FRAMINGS, word_for};
 use axum::Router;
 use axum::body::{Body, Bytes};
@@ -38,14 +38,14 @@ const ALIVE_EVERY: Duration = Duration::from_secs(2);
 const LASTS: Duration = Duration::from_secs(240);
 
 /// The route of the traffic.
-pub(super) fn router(state: Arc<Gateway>) -> Router {
+pub(super) fn router(state: Arc<HttpState>) -> Router {
     Router::new()
         .route("/api/v1/lines/{name}/traffic", get(watch))
         .with_state(state)
 }
 
 async fn watch(
-    State(gateway): State<Arc<Gateway>>,
+    State(gateway): State<Arc<HttpState>>,
     Path(name): Path<String>,
     headers: HeaderMap,
 ) -> Response {
@@ -58,7 +58,7 @@ async fn watch(
     let after = headers
         .get("last-event-id")
         .and_then(|id| number_in(id.to_str().ok()?, line));
-    let Some(listener) = Listener::new(Arc::clone(line), after, clock::now) else {
+    let Some(listener) = TrafficListener::new(Arc::clone(line), after, clock::now) else {
         let error =
             format!("line {name} is already watched by {LISTENERS_MAX} clients, the maximum");
         return refused(StatusCode::SERVICE_UNAVAILABLE, &error);
@@ -67,7 +67,7 @@ async fn watch(
         (header::CONTENT_TYPE, "text/event-stream"),
         (header::CACHE_CONTROL, "no-store"),
     ];
-    (headers, Body::new(Events::new(gateway, listener))).into_response()
+    (headers, Body::new(TrafficEvents::new(gateway, listener))).into_response()
 }
 
 fn refused(status: StatusCode, error: &str) -> Response {
@@ -75,10 +75,10 @@ fn refused(status: StatusCode, error: &str) -> Response {
 }
 
 /// The events of one answer.
-struct Events {
-    gateway: Arc<Gateway>,
-    listener: Listener,
-    decoder: Decoder,
+struct TrafficEvents {
+    gateway: Arc<HttpState>,
+    listener: TrafficListener,
+    decoder: TrafficDecoder,
     clock: WallClock,
     ticks: Interval,
     begun: MonoTime,
@@ -89,11 +89,11 @@ struct Events {
     has_ended: bool,
 }
 
-impl Events {
-    fn new(gateway: Arc<Gateway>, listener: Listener) -> Self {
+impl TrafficEvents {
+    fn new(gateway: Arc<HttpState>, listener: TrafficListener) -> Self {
         let mut ticks = interval(EVERY);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        let decoder = Decoder::new(facts(listener.line()));
+        let decoder = TrafficDecoder::new(facts(listener.line()));
         let now = clock::now();
         let clock = WallClock::new();
         let begun = now;
@@ -157,7 +157,7 @@ impl Events {
     }
 }
 
-impl HttpBody for Events {
+impl HttpBody for TrafficEvents {
     type Data = Bytes;
     type Error = Infallible;
 

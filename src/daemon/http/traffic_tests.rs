@@ -1,17 +1,17 @@
 //! A client that watches a line over HTTP gets its traffic in order, and the number of frames that it has missed.
 
-use super::connections::{self, Patience};
+use super::connections::{self, ConnectionPatience};
 use super::routes;
-use super::state::State;
+use super::state::HttpState;
 use super::tests::on_a_runtime;
-use crate::daemon::exchange::shared::{Shared, SharedLine};
+use crate::daemon::exchange::shared::{SharedLine, SharedPlant};
 use crate::daemon::exchange::totals::ModbusTotals;
 use crate::daemon::exchange::traffic::{LISTENERS_MAX, RECORDS_MAX};
 use crate::daemon::host::clock;
 use crate::domain::ids::{Name, Station};
 use crate::domain::link::{Interface, Wiring};
 use crate::domain::time::WallTime;
-use crate::domain::traffic::{TrafficKind, TrafficRecord, Why};
+use crate::domain::traffic::{FramePurpose, TrafficKind, TrafficRecord};
 use serde_json::Value;
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -40,12 +40,12 @@ fn line() -> Arc<SharedLine> {
     )
 }
 
-fn state(line: &Arc<SharedLine>) -> Arc<State> {
-    Arc::new(State {
+fn state(line: &Arc<SharedLine>) -> Arc<HttpState> {
+    Arc::new(HttpState {
         journal: None,
         trends: None,
         gateway: "plant-a".to_owned(),
-        shared: Arc::new(Shared::of(vec![Arc::clone(line)], Arc::default())).into(),
+        shared: Arc::new(SharedPlant::of(vec![Arc::clone(line)], Arc::default())).into(),
         modbus: Arc::new(ModbusTotals::default()),
         mqtt: None.into(),
         sparkplug: None.into(),
@@ -56,11 +56,15 @@ fn state(line: &Arc<SharedLine>) -> Arc<State> {
     })
 }
 
-async fn serve(state: &Arc<State>) -> SocketAddr {
+async fn serve(state: &Arc<HttpState>) -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
-    let router = routes::router(routes::Documents::new(Arc::clone(state)));
-    tokio::task::spawn_local(connections::serve(listener, router, Patience::default()));
+    let router = routes::router(routes::RouteDocuments::new(Arc::clone(state)));
+    tokio::task::spawn_local(connections::serve(
+        listener,
+        router,
+        ConnectionPatience::default(),
+    ));
     address
 }
 
@@ -114,7 +118,7 @@ fn put(line: &SharedLine, count: usize) {
     let at = clock::now();
     let record = TrafficRecord {
         kind: TrafficKind::Request,
-        why: Some(Why::Poll),
+        why: Some(FramePurpose::Poll),
         bytes: READ.to_vec(),
         begin: at,
         end: at + Duration::from_millis(8),
@@ -219,7 +223,7 @@ fn a_line_that_is_no_more_ends_its_answers_and_is_not_found() {
         put(&line, 1);
         state
             .shared
-            .set(Arc::new(Shared::of(Vec::new(), Arc::default())));
+            .set(Arc::new(SharedPlant::of(Vec::new(), Arc::default())));
         watcher.until("event: again").await;
         assert_eq!(watcher.frames().len(), 1, "what had come before is told");
         let mut gone = Watcher::new(address, "").await;

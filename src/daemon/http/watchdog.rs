@@ -3,8 +3,8 @@
 use super::setup::{outcome, outcome_at};
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::host::clock;
-use crate::daemon::local::{LocalSide, Who};
-use crate::domain::command::{Go, Order, Outcome, Owner, Reason, RegisterWrite, Report};
+use crate::daemon::local::{LocalSide, OrderingClient};
+use crate::domain::command::{GoOrder, Order, Outcome, Owner, Reason, RegisterWrite, Report};
 use serde_json::{Value, json};
 use std::time::Duration;
 
@@ -39,16 +39,18 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, time: Option<Dura
             );
         }
     };
-    let Some(go) = Go::new(vec![RegisterWrite::new(address, value)], None, None) else {
+    let Some(go) = GoOrder::new(vec![RegisterWrite::new(address, value)], None, None) else {
         return refused(Reason::NotUnderstood);
     };
-    let report = side.command(Who::TOOL, place, Order::Go(go)).await;
+    let report = side
+        .command(OrderingClient::TOOL, place, Order::Go(go))
+        .await;
     let register = model.register_at(address);
     let what = register.map_or("-", |register| {
         register.code.as_deref().unwrap_or(&register.name)
     });
-    let result = report.outcome.word();
-    let reason = report.reason.word();
+    let result = report.outcome.keyword();
+    let reason = report.reason.keyword();
     tracing::info!(
         drive = name, by = %Owner::Local, what, old, new = value, outcome = result, reason, "drive watchdog set"
     );

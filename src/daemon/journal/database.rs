@@ -3,13 +3,13 @@
 use super::days;
 use super::events;
 use super::reader;
-use super::rescue::{self, Rescued};
-use super::schema::{self, Made};
+use super::rescue::{self, RescuedTable};
+use super::schema::{self, FileKind};
 use crate::domain::ids::Name;
-use crate::journal::audit::Change;
-use crate::journal::policy::{self, Share};
+use crate::journal::audit::RowChange;
+use crate::journal::policy::{self, TableShare};
 use crate::journal::row::memory_crc;
-use crate::journal::{Book, Remembered, Row, StoredEvent, Table};
+use crate::journal::{JournalBook, JournalRow, JournalTable, RememberedDrive, StoredEvent};
 use rusqlite::{CachedStatement, Connection, Error, ErrorCode, OpenFlags, Transaction, params};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -26,14 +26,14 @@ const PAGES_FREED: u32 = 256;
 
 /// Why a database cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Broken {
+pub enum DatabaseFailure {
     /// Its contents can never be used.
     Damaged(String),
     /// The system refuses, perhaps only for now.
     Refused(String),
 }
 
-impl From<Error> for Broken {
+impl From<Error> for DatabaseFailure {
     fn from(error: Error) -> Self {
         match error.sqlite_error_code() {
             Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase) => {
@@ -46,7 +46,7 @@ impl From<Error> for Broken {
 
 /// An open database.
 #[derive(Debug)]
-pub struct Database {
+pub struct JournalDatabase {
     pub(super) connection: Connection,
     /// Distinguishes the numbers of this file from those of another one.
     session: String,
@@ -62,7 +62,7 @@ pub struct Database {
 
 /// Up to where a file is known to be written.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Mark {
+pub struct FileMark {
     session: String,
     last_event: u64,
     last_availability: u64,
@@ -83,41 +83,41 @@ pub struct TakenOver {
 #[derive(Debug, Default)]
 pub struct DatabaseState {
     /// What is remembered of each drive.
-    pub memory: BTreeMap<Name, Remembered>,
+    pub memory: BTreeMap<Name, RememberedDrive>,
     /// Drives whose remembered state is damaged.
     pub damaged: Vec<String>,
     /// The configuration with which the gateway ran last.
     pub configuration: Option<String>,
 }
 
-impl Database {
+impl JournalDatabase {
     /// Opens or creates the database at `path`, with at most `most_bytes`. A new one is called `session`.
     ///
     /// # Errors
-    /// [`Broken`].
+    /// [`DatabaseFailure`].
     pub fn open(
         path: &Path,
         session: &str,
         most_bytes: u64,
-    ) -> Result<(Self, DatabaseState), Broken> {
+    ) -> Result<(Self, DatabaseState), DatabaseFailure> {
         let flags = OpenFlags::SQLITE_OPEN_READ_WRITE
             | OpenFlags::SQLITE_OPEN_CREATE
             | OpenFlags::SQLITE_OPEN_NO_MUTEX;
         let mut connection = Connection::open_with_flags(path, flags)?;
         connection.busy_timeout(BUSY_WAIT)?;
         match schema::make(&mut connection, session)? {
-            Made::New | Made::Found => {}
-            Made::Foreign => {
-                return Err(Broken::Damaged(
+            FileKind::New | FileKind::Found => {}
+            FileKind::Foreign => {
+                return Err(DatabaseFailure::Damaged(
                     "it is a database of another program".to_owned(),
                 ));
             }
-            Made::Newer(version) => {
+            FileKind::Newer(version) => {
                 let what = format!(
                     "version {version} of its tables is newer than this program's, {}",
                     schema::VERSION
                 );
-                return Err(Broken::Damaged(what));
+                return Err(DatabaseFailure::Damaged(what));
             }
         }
         connection.pragma_update(None, "synchronous", "NORMAL")?;
@@ -151,13 +151,13 @@ impl Database {
 
     /// Up to where it is known to be written.
     #[must_use]
-    pub fn mark(&self) -> Mark {
+    pub fn mark(&self) -> FileMark {
         let Self {
             last_event,
             last_availability,
             ..
         } = *self;
-        Mark {
+        FileMark {
             session: self.session.clone(),
             last_event,
             last_availability,
@@ -169,7 +169,7 @@ impl Database {
     ///
     /// # Errors
     /// SQLite's.
-    pub fn resume(&mut self, mark: &Mark) -> Result<(), Error> {
+    pub fn resume(&mut self, mark: &FileMark) -> Result<(), Error> {
         if self.session != mark.session {
             return Ok(());
         }
@@ -191,7 +191,7 @@ impl Database {
     ///
     /// # Errors
     /// SQLite's; as far as is known, nothing was written.
-    pub fn write(&mut self, book: &Book, taken: &BTreeSet<u64>) -> Result<(), Error> {
+    pub fn write(&mut self, book: &JournalBook, taken: &BTreeSet<u64>) -> Result<(), Error> {
         if self.is_synced != book.has_trip() {
             let mode = if book.has_trip() { "FULL" } else { "NORMAL" };
             self.connection.pragma_update(None, "synchronous", mode)?;
@@ -202,9 +202,9 @@ impl Database {
         let transaction = self.connection.transaction()?;
         if self.is_in_doubt {
             let known = [
-                (Table::Event, last_event),
-                (Table::Availability, last_availability),
-                (Table::Audit, self.audit_base + book.audit.kept()),
+                (JournalTable::Event, last_event),
+                (JournalTable::Availability, last_availability),
+                (JournalTable::Audit, self.audit_base + book.audit.kept()),
             ];
             for (table, last) in known {
                 remove_behind(&transaction, table, last)?;
@@ -214,7 +214,7 @@ impl Database {
             last_event += 1;
             put(
                 &transaction,
-                Table::Event,
+                JournalTable::Event,
                 &events::row(event, last_event, &self.session),
             )?;
         }
@@ -222,8 +222,8 @@ impl Database {
             last_availability += 1;
             put(
                 &transaction,
-                Table::Availability,
-                &Row {
+                JournalTable::Availability,
+                &JournalRow {
                     number: last_availability,
                     ..row.clone()
                 },
@@ -243,9 +243,9 @@ impl Database {
     ///
     /// # Errors
     /// SQLite's.
-    pub fn read_days(&self, book: &mut Book) -> Result<(), Error> {
+    pub fn read_days(&self, book: &mut JournalBook) -> Result<(), Error> {
         for key in book.days.unread() {
-            let before = days::of(&self.connection, key.0.as_str(), key.1)?;
+            let before = days::usage_of_day(&self.connection, key.0.as_str(), key.1)?;
             book.days.read(&key, before);
         }
         Ok(())
@@ -278,7 +278,7 @@ impl Database {
     ///
     /// # Errors
     /// SQLite's, of this database.
-    pub fn take_over(&mut self, old: &Path, mark: Option<&Mark>) -> Result<TakenOver, Error> {
+    pub fn take_over(&mut self, old: &Path, mark: Option<&FileMark>) -> Result<TakenOver, Error> {
         let (mut waiting, highest) = events::rescued(old);
         waiting.retain(|row| mark.is_none_or(|mark| row.number <= mark.last_event));
         let mut taken_over = TakenOver {
@@ -286,13 +286,13 @@ impl Database {
             ..TakenOver::default()
         };
         let transaction = self.connection.transaction()?;
-        for table in Table::ALL {
-            let Rescued { mut rows, lost } = rescue::rescued(old, table);
+        for table in JournalTable::ALL {
+            let RescuedTable { mut rows, lost } = rescue::rescued(old, table);
             let last = mark.and_then(|mark| match table {
-                Table::Event => Some(mark.last_event),
-                Table::Availability => Some(mark.last_availability),
+                JournalTable::Event => Some(mark.last_event),
+                JournalTable::Availability => Some(mark.last_availability),
                 // The book has the rows that may be missing, under the same numbers.
-                Table::Audit => None,
+                JournalTable::Audit => None,
             });
             rows.retain(|row| last.is_none_or(|last| row.number <= last));
             for row in &rows {
@@ -300,20 +300,22 @@ impl Database {
             }
             let numbers = rows.iter().map(|row| row.number);
             match table {
-                Table::Event => {
+                JournalTable::Event => {
                     events::mark(&transaction, &numbers.clone().collect(), events::TAKEN)?;
                     self.last_event = self.last_event.max(numbers.max().unwrap_or(0));
                 }
-                Table::Availability => {
+                JournalTable::Availability => {
                     self.last_availability = self.last_availability.max(numbers.max().unwrap_or(0))
                 }
-                Table::Audit => self.audit_base = self.audit_base.max(numbers.max().unwrap_or(0)),
+                JournalTable::Audit => {
+                    self.audit_base = self.audit_base.max(numbers.max().unwrap_or(0))
+                }
             }
             taken_over.rows += rows.len();
             taken_over.lost.extend(lost);
         }
         for row in &waiting {
-            put(&transaction, Table::Event, row)?;
+            put(&transaction, JournalTable::Event, row)?;
         }
         days::take_over(&transaction, old)?;
         transaction.commit()?;
@@ -343,12 +345,12 @@ impl Database {
             if days::cut(&self.connection, policy::most_days(self.most_bytes))? {
                 continue;
             }
-            let rows = |table: Table| {
+            let rows = |table: JournalTable| {
                 let count = format!("SELECT max(number) - min(number) + 1 FROM {}", table.name());
                 self.connection
                     .query_row(&count, [], |row| row.get::<_, Option<u64>>(0))
             };
-            let mut shares = Table::ALL.map(|table| Share { table, rows: 0 });
+            let mut shares = JournalTable::ALL.map(|table| TableShare { table, rows: 0 });
             for share in &mut shares {
                 share.rows = rows(share.table)?.unwrap_or(0);
             }
@@ -391,17 +393,21 @@ impl Database {
 }
 
 /// Removes the rows of `table` behind the number `last`.
-fn remove_behind(transaction: &Transaction<'_>, table: Table, last: u64) -> Result<(), Error> {
+fn remove_behind(
+    transaction: &Transaction<'_>,
+    table: JournalTable,
+    last: u64,
+) -> Result<(), Error> {
     let sql = format!("DELETE FROM {} WHERE number > ?", table.name());
     transaction.execute(&sql, [last]).map(drop)
 }
 
 /// Writes the changes of the audit, whose numbers count from `base`.
-fn put_audit(transaction: &Transaction<'_>, book: &Book, base: u64) -> Result<(), Error> {
+fn put_audit(transaction: &Transaction<'_>, book: &JournalBook, base: u64) -> Result<(), Error> {
     for (number, change) in book.audit.waiting() {
         match change {
-            Change::Put(record) => put(transaction, Table::Audit, &record.row(base))?,
-            Change::Remove => {
+            RowChange::Put(record) => put(transaction, JournalTable::Audit, &record.row(base))?,
+            RowChange::Remove => {
                 let mut remove =
                     transaction.prepare_cached("DELETE FROM audit WHERE number = ?")?;
                 remove.execute([base + number])?;
@@ -412,7 +418,7 @@ fn put_audit(transaction: &Transaction<'_>, book: &Book, base: u64) -> Result<()
 }
 
 /// Writes what is remembered of drives and of their days, and forgets those that are gone.
-fn put_drives(transaction: &Transaction<'_>, book: &Book) -> Result<(), Error> {
+fn put_drives(transaction: &Transaction<'_>, book: &JournalBook) -> Result<(), Error> {
     for (name, memory) in book.memory() {
         let name = name.as_str();
         let body = memory.to_json();
@@ -430,11 +436,11 @@ fn put_drives(transaction: &Transaction<'_>, book: &Book) -> Result<(), Error> {
     Ok(())
 }
 
-fn put(transaction: &Transaction<'_>, table: Table, row: &Row) -> Result<(), Error> {
+fn put(transaction: &Transaction<'_>, table: JournalTable, row: &JournalRow) -> Result<(), Error> {
     let mut put: CachedStatement<'_> = transaction.prepare_cached(match table {
-        Table::Event => "INSERT OR REPLACE INTO event (number, at, kind, name, body, crc) VALUES (?, ?, ?, ?, ?, ?)",
-        Table::Audit => "INSERT OR REPLACE INTO audit VALUES (?, ?, ?, ?, ?, ?)",
-        Table::Availability => "INSERT OR REPLACE INTO availability VALUES (?, ?, ?, ?, ?, ?)",
+        JournalTable::Event => "INSERT OR REPLACE INTO event (number, at, kind, name, body, crc) VALUES (?, ?, ?, ?, ?, ?)",
+        JournalTable::Audit => "INSERT OR REPLACE INTO audit VALUES (?, ?, ?, ?, ?, ?)",
+        JournalTable::Availability => "INSERT OR REPLACE INTO availability VALUES (?, ?, ?, ?, ?, ?)",
     })?;
     put.execute(params![
         row.number,
@@ -468,7 +474,7 @@ fn found(connection: &Connection) -> Result<DatabaseState, Error> {
 
 /// The remembered state of drives in the damaged file at `path`, as far as it can be read and is sound.
 #[must_use]
-pub fn rescued(path: &Path) -> BTreeMap<Name, Remembered> {
+pub fn rescued(path: &Path) -> BTreeMap<Name, RememberedDrive> {
     let mut found = DatabaseState::default();
     // What was read before an error is still sound.
     let connection = reader::connect(path).or_else(|_| reader::salvage(path));
@@ -487,7 +493,7 @@ fn remembered(connection: &Connection, found: &mut DatabaseState) -> Result<(), 
             if row.get::<_, u32>(2).ok()? != memory_crc(name, &body) {
                 return None;
             }
-            Some((Name::new(name)?, Remembered::from_json(&body)?))
+            Some((Name::new(name)?, RememberedDrive::from_json(&body)?))
         };
         match sound() {
             Some((name, memory)) => drop(found.memory.insert(name, memory)),

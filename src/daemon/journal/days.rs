@@ -3,7 +3,7 @@
 use super::reader;
 use crate::domain::calendar::day;
 use crate::drive::usage::{EnergySource, UsagePart, UsageTotals};
-use crate::journal::days::{DAYS_MAX, Day, DayUsage, from_row, to_row};
+use crate::journal::days::{DAYS_MAX, DayNumber, DayUsage, from_row, to_row};
 use rusqlite::{Connection, Error, OptionalExtension, Transaction, params};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -14,7 +14,7 @@ pub struct DayRow {
     /// The drive's name.
     pub drive: String,
     /// The day.
-    pub day: Day,
+    pub day: DayNumber,
     /// What it used.
     pub usage: DayUsage,
 }
@@ -34,7 +34,7 @@ impl DayRow {
             "day": day(self.day.begin()),
             "drive": self.drive,
             "energy_kwh": energy_from.map(|_| totals.value(UsagePart::Energy).value()),
-            "energy_from": energy_from.map(EnergySource::word),
+            "energy_from": energy_from.map(EnergySource::keyword),
             "running_hours": totals.value(UsagePart::RunningHours).value(),
             "starts": totals.starts,
             "trips": totals.trips,
@@ -51,7 +51,7 @@ impl DayRow {
         let energy = energy_from
             .map(|_| totals.value(UsagePart::Energy).to_string())
             .unwrap_or_default();
-        let from = energy_from.map_or("", EnergySource::word);
+        let from = energy_from.map_or("", EnergySource::keyword);
         let UsageTotals { starts, trips, .. } = totals;
         let hours = totals.value(UsagePart::RunningHours);
         format!(
@@ -66,7 +66,11 @@ impl DayRow {
 ///
 /// # Errors
 /// SQLite's.
-pub(super) fn of(connection: &Connection, name: &str, day: Day) -> Result<UsageTotals, Error> {
+pub(super) fn usage_of_day(
+    connection: &Connection,
+    name: &str,
+    day: DayNumber,
+) -> Result<UsageTotals, Error> {
     let mut select =
         connection.prepare_cached("SELECT body, crc FROM day WHERE drive = ? AND day = ?")?;
     let found: Option<(String, u32)> = select
@@ -85,7 +89,7 @@ pub(super) fn of(connection: &Connection, name: &str, day: Day) -> Result<UsageT
 pub(super) fn put(
     transaction: &Transaction<'_>,
     name: &str,
-    day: Day,
+    day: DayNumber,
     usage: &DayUsage,
 ) -> Result<(), Error> {
     let (body, crc) = to_row(name, day, usage);
@@ -156,7 +160,7 @@ pub fn each(
     while let Some(row) = rows.next()? {
         let sound = || {
             let drive: String = row.get(0).ok()?;
-            let day = Day(row.get(1).ok()?);
+            let day = DayNumber(row.get(1).ok()?);
             let body: String = row.get(2).ok()?;
             let usage = from_row(&drive, day, &body, row.get(3).ok()?)?;
             Some(DayRow { drive, day, usage })
@@ -200,7 +204,7 @@ mod tests {
 
     fn write(connection: &mut Connection, name: &str, days: impl Iterator<Item = i32>) {
         let transaction = connection.transaction().unwrap();
-        days.for_each(|day| put(&transaction, name, Day(day), &usage(1)).unwrap());
+        days.for_each(|day| put(&transaction, name, DayNumber(day), &usage(1)).unwrap());
         transaction.commit().unwrap();
     }
 
@@ -216,9 +220,14 @@ mod tests {
             [row("pump-1", 4), row("fan-2", 5), row("pump-1", 5)]
         );
         assert_eq!(all(&connection, Some("fan-2")), [row("fan-2", 5)]);
-        assert_eq!(of(&connection, "pump-1", Day(4)).unwrap().starts, 1);
         assert_eq!(
-            of(&connection, "pump-1", Day(9)).unwrap(),
+            usage_of_day(&connection, "pump-1", DayNumber(4))
+                .unwrap()
+                .starts,
+            1
+        );
+        assert_eq!(
+            usage_of_day(&connection, "pump-1", DayNumber(9)).unwrap(),
             UsageTotals::default()
         );
     }

@@ -1,8 +1,8 @@
 //! Passes trip events to the MQTT side, which requests them when it has room and is answered once when there are any.
 
-use super::store::Store;
-use crate::daemon::exchange::answers::{AnswerBox, News};
-use crate::daemon::exchange::bell::Bell;
+use super::store::JournalStore;
+use crate::daemon::exchange::answers::{AnswerBox, LineNews};
+use crate::daemon::exchange::bell::BrokerBell;
 use std::sync::Arc;
 
 /// Most events in one answer.
@@ -13,7 +13,7 @@ const EVENTS_MAX: usize = 16;
 pub struct EventSender {
     /// Where to; `None` without an MQTT side: events then wait for one.
     mqtt: Option<Arc<AnswerBox>>,
-    changed: Arc<Bell>,
+    changed: Arc<BrokerBell>,
     /// The number after which events are requested.
     wanted: Option<u64>,
     /// There may be new events since the last look.
@@ -23,7 +23,7 @@ pub struct EventSender {
 impl EventSender {
     /// Without a request so far.
     #[must_use]
-    pub const fn new(mqtt: Option<Arc<AnswerBox>>, changed: Arc<Bell>) -> Self {
+    pub const fn new(mqtt: Option<Arc<AnswerBox>>, changed: Arc<BrokerBell>) -> Self {
         Self {
             mqtt,
             changed,
@@ -44,7 +44,7 @@ impl EventSender {
     }
 
     /// Answers the request, once there are events.
-    pub fn serve(&mut self, store: &mut Store) {
+    pub fn serve(&mut self, store: &mut JournalStore) {
         let (Some(after), true, Some(mqtt)) = (self.wanted, self.is_due, &self.mqtt) else {
             return;
         };
@@ -56,7 +56,7 @@ impl EventSender {
                 self.is_due = false;
                 if !events.is_empty() {
                     self.wanted = None;
-                    mqtt.put(&mut vec![News::Events { events, more }]);
+                    mqtt.put(&mut vec![LineNews::Events { events, more }]);
                     self.changed.ring();
                 }
             }

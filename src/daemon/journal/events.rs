@@ -2,7 +2,7 @@
 
 use super::reader::{self, ReadRow};
 use crate::domain::ids::Name;
-use crate::journal::{NewEvent, Row, StoredEvent, Table};
+use crate::journal::{JournalRow, JournalTable, NewEvent, StoredEvent};
 use rusqlite::{Connection, Error};
 use serde_json::Value;
 use std::collections::BTreeSet;
@@ -17,13 +17,13 @@ const RESCUED_MAX: usize = 1024;
 
 /// `event` with its number and the name of the file that assigned it, as it is published.
 #[must_use]
-pub fn row(event: &NewEvent, number: u64, session: &str) -> Row {
+pub fn row(event: &NewEvent, number: u64, session: &str) -> JournalRow {
     let mut body = event.body.clone();
     body.insert("seq".to_owned(), number.into());
     body.insert("session".to_owned(), session.into());
     let kind = event.kind.to_owned();
     let name = event.drive.as_str().to_owned();
-    Row {
+    JournalRow {
         number,
         at: event.at,
         kind,
@@ -74,7 +74,7 @@ pub fn waiting(
         let still = unread(connection, after, most + 1)?;
         if still.iter().any(|seen| damaged.contains(&seen.number())) {
             // Otherwise it would be found again for ever.
-            return Err(reader::out_of_order(Table::Event));
+            return Err(reader::out_of_order(JournalTable::Event));
         }
     }
 }
@@ -83,7 +83,7 @@ fn unread(connection: &Connection, after: u64, most: usize) -> Result<Vec<ReadRo
     let mut select = connection.prepare_cached(
         "SELECT number, at, kind, name, body, crc FROM event WHERE taken = 0 AND number > ? ORDER BY number LIMIT ?",
     )?;
-    let rows = select.query_map((after, most), |row| reader::seen(Table::Event, row))?;
+    let rows = select.query_map((after, most), |row| reader::seen(JournalTable::Event, row))?;
     rows.collect()
 }
 
@@ -102,11 +102,11 @@ fn event_of(seen: &ReadRow) -> Option<StoredEvent> {
 /// The sound events of the damaged file at `path` that were not taken, as far as they can be read, and the highest
 /// number of all.
 #[must_use]
-pub fn rescued(path: &Path) -> (Vec<Row>, u64) {
+pub fn rescued(path: &Path) -> (Vec<JournalRow>, u64) {
     let Ok(connection) = reader::salvage(path) else {
         return (Vec::new(), 0);
     };
-    let mut rows: Vec<Row> = Vec::new();
+    let mut rows: Vec<JournalRow> = Vec::new();
     while rows.len() < RESCUED_MAX {
         let after = rows.last().map_or(0, |row| row.number);
         let Ok(seen) = unread(&connection, after, 16) else {

@@ -1,6 +1,6 @@
 //! The files of an open database, which may be deleted or replaced.
 
-use super::database::Database;
+use super::database::JournalDatabase;
 use crate::daemon::host::file_identity::FileIdentity;
 use rusqlite::Error;
 use rusqlite::config::DbConfig;
@@ -16,7 +16,7 @@ pub struct OpenFiles {
 
 /// What happened to the open files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Loss {
+pub enum FileLoss {
     /// There is no file at the path of the database.
     Deleted,
     /// Another file is at the path of the database.
@@ -36,20 +36,20 @@ impl OpenFiles {
     }
 
     /// What happened to them since; `None`: they are the same.
-    pub fn loss(&mut self, path: &Path) -> Option<Loss> {
+    pub fn loss(&mut self, path: &Path) -> Option<FileLoss> {
         let file = FileIdentity::at(path);
         if file != self.file {
             return Some(if file.is_none() {
-                Loss::Deleted
+                FileLoss::Deleted
             } else {
-                Loss::Replaced
+                FileLoss::Replaced
             });
         }
         let log = FileIdentity::at(&log_of(path));
         if self.log.is_none() {
             self.log = log;
         }
-        (log != self.log).then_some(Loss::Log)
+        (log != self.log).then_some(FileLoss::Log)
     }
 
     /// Whether the log at `path` is still the one that was opened.
@@ -59,7 +59,7 @@ impl OpenFiles {
     }
 }
 
-impl Database {
+impl JournalDatabase {
     /// Writes all that it holds into a new file at `path`, whatever became of its own.
     ///
     /// # Errors

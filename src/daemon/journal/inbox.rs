@@ -1,11 +1,11 @@
 //! The inbox of the journal's writer. Adding to it never blocks.
 
-use crate::daemon::exchange::origin::Origin;
+use crate::daemon::exchange::origin::RowOrigin;
 use crate::domain::ids::Name;
 use crate::domain::time::MonoTime;
-use crate::journal::audit::Lost;
+use crate::journal::audit::LostCounts;
 use crate::journal::words::is_stop;
-use crate::journal::{Attempt, Entry, Keep, Remembered, Row};
+use crate::journal::{EntryToKeep, JournalEntry, JournalRow, RememberedDrive, WriteAttempt};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -20,13 +20,13 @@ pub const VITAL_MAX: usize = 8192;
 
 /// A message to the writer.
 #[derive(Debug)]
-pub enum Post {
+pub enum WriterMessage {
     /// A row of a line.
-    Keep(Arc<Origin>, Keep),
+    Keep(Arc<RowOrigin>, EntryToKeep),
     /// An attempt that a north side refused: the number of that side, the drive if one was named, and when.
-    Attempt(u64, Option<Name>, MonoTime, Attempt),
+    Attempt(u64, Option<Name>, MonoTime, WriteAttempt),
     /// A change of availability.
-    Note(Row),
+    Note(JournalRow),
     /// The MQTT side has room for the events after this one.
     WantEvents(u64),
     /// The broker has this event.
@@ -36,84 +36,84 @@ pub enum Post {
     /// Drives that no row mentions any more.
     Unused(Vec<Name>),
     /// A request for the remembered state of each drive.
-    Memory(oneshot::Sender<BTreeMap<Name, Remembered>>),
+    Memory(oneshot::Sender<BTreeMap<Name, RememberedDrive>>),
     /// The gateway shuts down.
     Close,
 }
 
 /// How many posts may wait before one of this kind.
-fn room_for(post: &Post) -> usize {
-    let attempt = |attempt: &Attempt| match (is_stop(&attempt.tried), attempt.report) {
+fn room_for(post: &WriterMessage) -> usize {
+    let attempt = |attempt: &WriteAttempt| match (is_stop(&attempt.tried), attempt.report) {
         (true, _) => ROWS_MAX + ENDS_MAX + VITAL_MAX,
         (false, None) => ROWS_MAX + ENDS_MAX,
         (false, Some(_)) => ROWS_MAX,
     };
     match post {
-        Post::Attempt(_, _, _, it)
-        | Post::Keep(
+        WriterMessage::Attempt(_, _, _, it)
+        | WriterMessage::Keep(
             _,
-            Keep {
-                entry: Entry::Attempt(it),
+            EntryToKeep {
+                entry: JournalEntry::Attempt(it),
                 ..
             },
         ) => attempt(it),
-        Post::Keep(
+        WriterMessage::Keep(
             _,
-            Keep {
-                entry: Entry::Ended { .. },
+            EntryToKeep {
+                entry: JournalEntry::Ended { .. },
                 ..
             },
         ) => ROWS_MAX + ENDS_MAX,
-        Post::Keep(
+        WriterMessage::Keep(
             _,
-            Keep {
-                entry: Entry::Presence(_),
+            EntryToKeep {
+                entry: JournalEntry::Presence(_),
                 ..
             },
         )
-        | Post::Note(_) => ROWS_MAX,
-        Post::Keep(..)
-        | Post::WantEvents(_)
-        | Post::EventTaken(_)
-        | Post::Checked(_)
-        | Post::Unused(_)
-        | Post::Memory(_)
-        | Post::Close => ROWS_MAX + ENDS_MAX + VITAL_MAX,
+        | WriterMessage::Note(_) => ROWS_MAX,
+        WriterMessage::Keep(..)
+        | WriterMessage::WantEvents(_)
+        | WriterMessage::EventTaken(_)
+        | WriterMessage::Checked(_)
+        | WriterMessage::Unused(_)
+        | WriterMessage::Memory(_)
+        | WriterMessage::Close => ROWS_MAX + ENDS_MAX + VITAL_MAX,
     }
 }
 
 #[derive(Debug, Default)]
-struct Queue {
-    posts: Vec<Post>,
-    lost: Lost,
+struct WriterQueue {
+    posts: Vec<WriterMessage>,
+    lost: LostCounts,
     is_closed: bool,
 }
 
 /// A bounded inbox.
 #[derive(Debug, Default)]
-pub struct Inbox {
-    queue: Mutex<Queue>,
+pub struct WriterInbox {
+    queue: Mutex<WriterQueue>,
     bell: Condvar,
 }
 
-impl Inbox {
+impl WriterInbox {
     /// Adds `post`, or counts it as lost if there is no room.
-    pub fn put(&self, post: Post) {
+    pub fn put(&self, post: WriterMessage) {
         let mut queue = self.lock();
-        queue.is_closed |= matches!(post, Post::Close);
+        queue.is_closed |= matches!(post, WriterMessage::Close);
         if queue.posts.len() >= room_for(&post) {
             let is_attempt = matches!(
                 post,
-                Post::Attempt(..)
-                    | Post::Keep(
+                WriterMessage::Attempt(..)
+                    | WriterMessage::Keep(
                         _,
-                        Keep {
-                            entry: Entry::Attempt(_),
+                        EntryToKeep {
+                            entry: JournalEntry::Attempt(_),
                             ..
                         }
                     )
             );
-            queue.lost += Lost {
+            queue.lost += LostCounts {
                 attempts: is_attempt.into(),
                 others: (!is_attempt).into(),
             };
@@ -129,9 +129,13 @@ impl Inbox {
 
     /// Waits for posts, at most for `within`, and swaps them for the empty `batch`. Returns how many were lost since
     /// the last call, and whether the journal is to be closed.
-    pub fn take(&self, batch: &mut Vec<Post>, within: Option<Duration>) -> (Lost, bool) {
+    pub fn take(
+        &self,
+        batch: &mut Vec<WriterMessage>,
+        within: Option<Duration>,
+    ) -> (LostCounts, bool) {
         let queue = self.lock();
-        let is_empty = |queue: &mut Queue| queue.posts.is_empty() && !queue.is_closed;
+        let is_empty = |queue: &mut WriterQueue| queue.posts.is_empty() && !queue.is_closed;
         let mut queue = match within {
             None => self
                 .bell
@@ -148,7 +152,7 @@ impl Inbox {
         (std::mem::take(&mut queue.lost), queue.is_closed)
     }
 
-    fn lock(&self) -> MutexGuard<'_, Queue> {
+    fn lock(&self) -> MutexGuard<'_, WriterQueue> {
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -157,31 +161,31 @@ impl Inbox {
 mod tests {
     use super::*;
     use crate::domain::command::{Order, Owner, Reason, Report};
-    use crate::journal::{AttemptId, Tried};
+    use crate::journal::{AttemptId, TriedWrite};
 
-    fn refused(order: Order) -> Post {
-        let tried = Tried::Order(order);
+    fn refused(order: Order) -> WriterMessage {
+        let tried = TriedWrite::Order(order);
         let report = Some(Report::refused(Reason::Tripped));
-        let attempt = Attempt {
+        let attempt = WriteAttempt {
             id: AttemptId(1),
             owner: Owner::Mqtt,
             tried,
             report,
         };
-        Post::Attempt(1, None, MonoTime::ZERO, attempt)
+        WriterMessage::Attempt(1, None, MonoTime::ZERO, attempt)
     }
 
     #[test]
     fn a_flood_of_refusals_keeps_no_stop_out() {
-        let inbox = Inbox::default();
+        let inbox = WriterInbox::default();
         (0..ROWS_MAX + 5).for_each(|_| inbox.put(refused(Order::Reset)));
         inbox.put(refused(Order::Coast));
-        inbox.put(Post::EventTaken(7));
+        inbox.put(WriterMessage::EventTaken(7));
         let mut batch = Vec::new();
         assert_eq!(
             inbox.take(&mut batch, None),
             (
-                Lost {
+                LostCounts {
                     attempts: 5,
                     others: 0
                 },
@@ -190,17 +194,17 @@ mod tests {
         );
         assert_eq!(batch.len(), ROWS_MAX + 2);
         batch.clear();
-        inbox.put(Post::Close);
-        assert_eq!(inbox.take(&mut batch, None), (Lost::default(), true));
+        inbox.put(WriterMessage::Close);
+        assert_eq!(inbox.take(&mut batch, None), (LostCounts::default(), true));
     }
 
     #[test]
     fn who_finds_nothing_waits_only_for_so_long() {
-        let inbox = Inbox::default();
+        let inbox = WriterInbox::default();
         let mut batch = Vec::new();
         assert_eq!(
             inbox.take(&mut batch, Some(Duration::from_millis(1))),
-            (Lost::default(), false)
+            (LostCounts::default(), false)
         );
         assert!(batch.is_empty());
     }

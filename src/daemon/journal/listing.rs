@@ -3,7 +3,7 @@
 use super::reader::ReadRow;
 use crate::domain::calendar::rfc3339;
 use crate::domain::command::Reason;
-use crate::journal::{Row, Table};
+use crate::journal::{JournalRow, JournalTable};
 use crate::north::shown::{fail_safe_cause, fail_safe_stage};
 use crate::north::texts::{Sentence, english};
 use serde_json::{Value, json};
@@ -13,7 +13,7 @@ pub const COLUMNS: &str = "table,number,at,kind,name,by,tried,outcome,reason,cou
 
 /// A row as JSON; with its plain text if `has_text`.
 #[must_use]
-pub fn in_json(table: Table, seen: &ReadRow, has_text: bool) -> Value {
+pub fn in_json(table: JournalTable, seen: &ReadRow, has_text: bool) -> Value {
     let table = table.name();
     let number = seen.number();
     let ReadRow::Sound(row) = seen else {
@@ -21,7 +21,7 @@ pub fn in_json(table: Table, seen: &ReadRow, has_text: bool) -> Value {
     };
     let body = body(row);
     let text = has_text.then(|| words(row, &body));
-    let Row { at, kind, name, .. } = row;
+    let JournalRow { at, kind, name, .. } = row;
     let mut shown = json!({ "table": table, "number": number, "at": rfc3339(*at), "kind": kind, "name": name, "body": body });
     if let Some(text) = text {
         shown["text"] = text.into();
@@ -31,7 +31,7 @@ pub fn in_json(table: Table, seen: &ReadRow, has_text: bool) -> Value {
 
 /// A row as a line of CSV, with its line break.
 #[must_use]
-pub fn in_csv(table: Table, seen: &ReadRow) -> String {
+pub fn in_csv(table: JournalTable, seen: &ReadRow) -> String {
     let ReadRow::Sound(row) = seen else {
         return format!("{},{},,damaged,,,,,,,\n", table.name(), seen.number());
     };
@@ -74,7 +74,7 @@ fn quoted(field: &str) -> String {
 
 /// A row as a line of plain text, with its line break.
 #[must_use]
-pub fn in_words(table: Table, seen: &ReadRow) -> String {
+pub fn in_words(table: JournalTable, seen: &ReadRow) -> String {
     match seen {
         ReadRow::Damaged(number) => format!("{:24} {} {number} is damaged\n", "?", table.name()),
         ReadRow::Sound(row) => {
@@ -84,7 +84,7 @@ pub fn in_words(table: Table, seen: &ReadRow) -> String {
     }
 }
 
-fn body(row: &Row) -> Value {
+fn body(row: &JournalRow) -> Value {
     serde_json::from_str(&row.body).unwrap_or(Value::Null)
 }
 
@@ -155,7 +155,7 @@ fn tripped(number: u64, body: &Value) -> String {
 }
 
 /// The text of a row, without time and name.
-fn words(row: &Row, body: &Value) -> String {
+fn words(row: &JournalRow, body: &Value) -> String {
     let word = |key| word(body, key);
     let said = match row.kind.as_str() {
         "attempt" => attempt(body),
@@ -188,7 +188,7 @@ fn words(row: &Row, body: &Value) -> String {
 fn why(body: &Value) -> String {
     let Some(reason) = body["reason"]
         .as_str()
-        .filter(|reason| *reason != Reason::None.word())
+        .filter(|reason| *reason != Reason::None.keyword())
     else {
         return String::new();
     };
@@ -220,7 +220,7 @@ fn lease(body: &Value, owner: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::fail_safe::{Cause, FailSafeStage};
+    use crate::domain::fail_safe::{FailSafeCause, FailSafeStage};
     use crate::domain::time::WallTime;
 
     #[test]
@@ -242,10 +242,10 @@ mod tests {
     fn rows_have_words_and_no_control_characters() {
         let at = WallTime { unix_ms: 0 };
         let attempt = json!({ "by": "mqtt", "tried": "run\u{1b}[2J", "outcome": "refused", "reason": "tripped", "count": 3 });
-        let said = |row| in_words(Table::Audit, &ReadRow::Sound(row));
-        let row = Row::new(at, "attempt", Some("pump-1"), &attempt);
+        let said = |row| in_words(JournalTable::Audit, &ReadRow::Sound(row));
+        let row = JournalRow::new(at, "attempt", Some("pump-1"), &attempt);
         assert_eq!(
-            in_json(Table::Audit, &ReadRow::Sound(row.clone()), true)["text"],
+            in_json(JournalTable::Audit, &ReadRow::Sound(row.clone()), true)["text"],
             "mqtt: run?[2J: refused: the drive is tripped: reset it first (3 times)"
         );
         assert_eq!(
@@ -263,14 +263,14 @@ mod tests {
             ),
             (json!({ "code": 7 }), "tripped, code 7"),
         ] {
-            let row = Row::new(at, "tripped", Some("pump-1"), &body);
+            let row = JournalRow::new(at, "tripped", Some("pump-1"), &body);
             assert_eq!(
                 said(row),
                 format!("1970-01-01T00:00:00.000Z pump-1 {expected} (event 0)\n")
             );
         }
         let down = json!({ "state": "down", "reason": "the port is gone" });
-        let said = said(Row::new(at, "line", Some("hall-1"), &down));
+        let said = said(JournalRow::new(at, "line", Some("hall-1"), &down));
         assert_eq!(
             said,
             "1970-01-01T00:00:00.000Z hall-1 line down: the port is gone\n"
@@ -281,15 +281,15 @@ mod tests {
     fn no_row_shows_a_word_for_programs() {
         let said = |kind, body: Value| {
             words(
-                &Row::new(WallTime { unix_ms: 0 }, kind, Some("pump-1"), &body),
+                &JournalRow::new(WallTime { unix_ms: 0 }, kind, Some("pump-1"), &body),
                 &body,
             )
         };
         for reason in Reason::ALL {
-            let body = json!({ "by": "mqtt", "tried": "run forward", "outcome": "refused", "reason": reason.word() });
+            let body = json!({ "by": "mqtt", "tried": "run forward", "outcome": "refused", "reason": reason.keyword() });
             let text = said("attempt", body);
             assert!(
-                !reason.word().contains('_') || !text.contains(reason.word()),
+                !reason.keyword().contains('_') || !text.contains(reason.keyword()),
                 "{text}"
             );
         }
@@ -298,9 +298,10 @@ mod tests {
             said("attempt", held),
             "mqtt: stop: refused: bob holds control of the drive"
         );
-        for cause in Cause::ALL {
+        for cause in FailSafeCause::ALL {
             for stage in FailSafeStage::ALL {
-                let body = json!({ "tried": "stop", "cause": cause.word(), "stage": stage.word() });
+                let body =
+                    json!({ "tried": "stop", "cause": cause.keyword(), "stage": stage.keyword() });
                 let text = said("failsafe", body);
                 assert!(
                     text.contains("The declared action (stop) ") && !text.contains('_'),
@@ -309,7 +310,7 @@ mod tests {
             }
             let old = said(
                 "failsafe",
-                json!({ "tried": "coast", "cause": cause.word() }),
+                json!({ "tried": "coast", "cause": cause.keyword() }),
             );
             assert!(old.ends_with(". The declared action is coast"), "{old}");
         }

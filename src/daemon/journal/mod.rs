@@ -2,7 +2,7 @@
 //!
 //! Lines and north sides put rows into the `inbox` and never wait. The `writer` takes all of them, writes them in one
 //! transaction, and reports to each line up to which row everything is kept. What cannot be written waits in its
-//! `Book`, which is bounded; control continues. `event_sender` passes trip events to the MQTT side. `upkeep` checks the file
+//! `JournalBook`, which is bounded; control continues. `event_sender` passes trip events to the MQTT side. `upkeep` checks the file
 //! and empties its log, on another thread.
 
 mod aside;
@@ -28,26 +28,26 @@ mod tests;
 pub use aside::move_aside;
 pub use status::{JournalReport, JournalState};
 
-use crate::daemon::exchange::bell::Bell;
-use crate::daemon::exchange::inbox::Inbox as LineInbox;
+use crate::daemon::exchange::bell::BrokerBell;
+use crate::daemon::exchange::inbox::LineInbox;
 use crate::daemon::exchange::north_journal::{self, NorthJournal};
 use crate::daemon::exchange::north_sides::NorthSides;
-use crate::daemon::exchange::origin::Origin;
-use crate::daemon::exchange::shared::Current;
+use crate::daemon::exchange::origin::RowOrigin;
+use crate::daemon::exchange::shared::CurrentPlant;
 use crate::daemon::host::clock;
 use crate::domain::ids::Name;
 use crate::domain::report::LineReport;
 use crate::drive::description::{DriveDescription, DriveRef};
-use crate::journal::{Attempt, Keep, Remembered, row};
-use inbox::{Inbox, Post};
-use status::Status;
+use crate::journal::{EntryToKeep, RememberedDrive, WriteAttempt, row};
+use inbox::{WriterInbox, WriterMessage};
+use status::JournalStatus;
 use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
-use store::Store;
+use store::JournalStore;
 use tokio::sync::oneshot;
 
 /// The journal's file in the data directory.
@@ -68,8 +68,8 @@ pub struct Settings {
 #[derive(Debug)]
 pub struct Journal {
     file: PathBuf,
-    inbox: Arc<Inbox>,
-    status: Arc<Status>,
+    inbox: Arc<WriterInbox>,
+    status: Arc<JournalStatus>,
     sources: AtomicU64,
     known: writer::Known,
     /// Closed when the writer has exited.
@@ -86,11 +86,11 @@ impl Journal {
     pub fn start(
         settings: &Settings,
         sides: NorthSides,
-        changed: Arc<Bell>,
-    ) -> io::Result<(Arc<Self>, BTreeMap<Name, Remembered>)> {
-        let inbox = Arc::<Inbox>::default();
-        let status = Arc::<Status>::default();
-        let (store, found) = Store::open(
+        changed: Arc<BrokerBell>,
+    ) -> io::Result<(Arc<Self>, BTreeMap<Name, RememberedDrive>)> {
+        let inbox = Arc::<WriterInbox>::default();
+        let status = Arc::<JournalStatus>::default();
+        let (store, found) = JournalStore::open(
             &settings.directory.join(FILE_NAME),
             settings.max_bytes,
             &status,
@@ -98,7 +98,7 @@ impl Journal {
         let memory = found.memory.clone();
         let (ends, ended) = oneshot::channel();
         let upkeep = upkeep::start(settings.directory.join(FILE_NAME), Arc::clone(&inbox))?;
-        let writer = writer::Writer::new(
+        let writer = writer::JournalWriter::new(
             store,
             found,
             Arc::clone(&inbox),
@@ -134,14 +134,14 @@ impl Journal {
         name: Name,
         drives: Vec<DriveDescription>,
         inbox: Arc<LineInbox>,
-    ) -> Source {
+    ) -> JournalSource {
         let names = drives.iter().map(|drive| drive.name.clone());
         self.known
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
             .extend(names);
-        let origin = Origin::new(self.next_source(), name, drives, inbox);
-        Source {
+        let origin = RowOrigin::new(self.next_source(), name, drives, inbox);
+        JournalSource {
             journal: Arc::clone(self),
             origin: Arc::new(origin),
         }
@@ -149,7 +149,7 @@ impl Journal {
 
     /// Registers a north side for attempts that it refuses itself; `current` has the names of drives.
     #[must_use]
-    pub fn north(self: &Arc<Self>, current: Current) -> NorthSource {
+    pub fn north(self: &Arc<Self>, current: CurrentPlant) -> NorthSource {
         NorthSource {
             journal: Arc::clone(self),
             current,
@@ -162,9 +162,9 @@ impl Journal {
     }
 
     /// The remembered state of each drive; `None` if the journal does not answer within `within`.
-    pub async fn memory(&self, within: Duration) -> Option<BTreeMap<Name, Remembered>> {
+    pub async fn memory(&self, within: Duration) -> Option<BTreeMap<Name, RememberedDrive>> {
         let (tell, told) = oneshot::channel();
-        self.inbox.put(Post::Memory(tell));
+        self.inbox.put(WriterMessage::Memory(tell));
         tokio::time::timeout(within, told).await.ok()?.ok()
     }
 
@@ -182,8 +182,9 @@ impl Journal {
 
     /// Writes what is left, and waits for that at most for `within`: a disk that hangs must not hold up the shutdown.
     pub async fn close(&self, within: Duration) {
-        self.inbox.put(Post::Note(row::ended(clock::wall())));
-        self.inbox.put(Post::Close);
+        self.inbox
+            .put(WriterMessage::Note(row::ended(clock::wall())));
+        self.inbox.put(WriterMessage::Close);
         let ended = self
             .ended
             .lock()
@@ -198,17 +199,17 @@ impl Journal {
 
 /// A line's handle to the journal.
 #[derive(Clone, Debug)]
-pub struct Source {
+pub struct JournalSource {
     journal: Arc<Journal>,
-    origin: Arc<Origin>,
+    origin: Arc<RowOrigin>,
 }
 
-impl Source {
+impl JournalSource {
     /// Keeps a row of the line.
-    pub fn keep(&self, keep: Keep) {
+    pub fn keep(&self, keep: EntryToKeep) {
         self.journal
             .inbox
-            .put(Post::Keep(Arc::clone(&self.origin), keep));
+            .put(WriterMessage::Keep(Arc::clone(&self.origin), keep));
     }
 
     /// Notes whether the line can be used.
@@ -219,12 +220,12 @@ impl Source {
             report.state,
             report.fault,
         );
-        self.journal.inbox.put(Post::Note(note));
+        self.journal.inbox.put(WriterMessage::Note(note));
     }
 
     /// The origin of its rows, which also shows what is kept.
     #[must_use]
-    pub fn origin(&self) -> &Arc<Origin> {
+    pub fn origin(&self) -> &Arc<RowOrigin> {
         &self.origin
     }
 
@@ -239,14 +240,14 @@ impl Source {
 #[derive(Clone, Debug)]
 pub struct NorthSource {
     journal: Arc<Journal>,
-    current: Current,
+    current: CurrentPlant,
     id: u64,
 }
 
 impl NorthSource {
     /// Keeps an attempt that reached no line. `drive` is `None` if it was for all drives or for one that does not
     /// exist.
-    pub fn keep(&self, drive: Option<DriveRef>, attempt: Attempt) {
+    pub fn keep(&self, drive: Option<DriveRef>, attempt: WriteAttempt) {
         let shared = self.current.load();
         let find = |place| {
             shared
@@ -259,24 +260,24 @@ impl NorthSource {
             .map(|drive| drive.description.name.clone());
         self.journal
             .inbox
-            .put(Post::Attempt(self.id, name, clock::now(), attempt));
+            .put(WriterMessage::Attempt(self.id, name, clock::now(), attempt));
     }
 
     /// The broker has the event `seq`: it is not published again.
     pub fn event_taken(&self, seq: u64) {
-        self.journal.inbox.put(Post::EventTaken(seq));
+        self.journal.inbox.put(WriterMessage::EventTaken(seq));
     }
 
     /// Requests the first events after `after` that no broker has. Answered once by
-    /// [`News::Events`](crate::daemon::exchange::answers::News::Events), when there are any. A later request replaces
+    /// [`LineNews::Events`](crate::daemon::exchange::answers::LineNews::Events), when there are any. A later request replaces
     /// this one.
     pub fn want_events(&self, after: u64) {
-        self.journal.inbox.put(Post::WantEvents(after));
+        self.journal.inbox.put(WriterMessage::WantEvents(after));
     }
 }
 
 impl NorthJournal for NorthSource {
-    fn keep(&self, drive: Option<DriveRef>, attempt: Attempt) {
+    fn keep(&self, drive: Option<DriveRef>, attempt: WriteAttempt) {
         Self::keep(self, drive, attempt);
     }
 
@@ -291,7 +292,7 @@ impl NorthJournal for NorthSource {
 
 /// The way of another north side, whose attempts are counted from 1, to `journal`; `current` knows the names of drives.
 #[must_use]
-pub fn side(journal: Option<&Arc<Journal>>, current: &Current) -> north_journal::Journal {
+pub fn side(journal: Option<&Arc<Journal>>, current: &CurrentPlant) -> north_journal::Journal {
     Some(Arc::new(journal?.north(current.clone())))
 }
 

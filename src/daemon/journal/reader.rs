@@ -2,7 +2,7 @@
 
 use crate::domain::ids::Name;
 use crate::domain::time::WallTime;
-use crate::journal::{Row, Table};
+use crate::journal::{JournalRow, JournalTable};
 use rusqlite::{Connection, Error, OpenFlags};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -21,7 +21,7 @@ const BUSY_WAIT: Duration = Duration::from_secs(2);
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ReadRow {
     /// An intact row.
-    Sound(Row),
+    Sound(JournalRow),
     /// A damaged row, of which only the number is known.
     Damaged(u64),
 }
@@ -41,14 +41,14 @@ impl ReadRow {
 ///
 /// # Errors
 /// The row has no number.
-pub fn seen(table: Table, row: &rusqlite::Row<'_>) -> Result<ReadRow, Error> {
+pub fn seen(table: JournalTable, row: &rusqlite::Row<'_>) -> Result<ReadRow, Error> {
     let number: u64 = row.get(0)?;
     let read = || {
         let unix_ms = row.get(1).ok()?;
         let kind = row.get(2).ok()?;
         let name = row.get(3).ok()?;
         let body = row.get(4).ok()?;
-        Row {
+        JournalRow {
             number,
             at: WallTime { unix_ms },
             kind,
@@ -124,7 +124,11 @@ fn escaped(path: &Path) -> String {
 ///
 /// # Errors
 /// SQLite's.
-pub fn row(connection: &Connection, table: Table, number: u64) -> Result<Option<ReadRow>, Error> {
+pub fn row(
+    connection: &Connection,
+    table: JournalTable,
+    number: u64,
+) -> Result<Option<ReadRow>, Error> {
     let sql = format!(
         "SELECT number, at, kind, name, body, crc FROM {} WHERE number = ?",
         table.name()
@@ -138,9 +142,9 @@ pub fn row(connection: &Connection, table: Table, number: u64) -> Result<Option<
 
 /// The rows of one table, in ascending or descending order of their numbers.
 #[derive(Debug)]
-pub struct Rows<'c> {
+pub struct TableRows<'c> {
     connection: &'c Connection,
-    table: Table,
+    table: JournalTable,
     is_backward: bool,
     last: u64,
     page: VecDeque<ReadRow>,
@@ -148,10 +152,10 @@ pub struct Rows<'c> {
     failure: Option<Error>,
 }
 
-impl<'c> Rows<'c> {
+impl<'c> TableRows<'c> {
     /// The rows after number `after`, oldest first.
     #[must_use]
-    pub const fn after(connection: &'c Connection, table: Table, after: u64) -> Self {
+    pub const fn after(connection: &'c Connection, table: JournalTable, after: u64) -> Self {
         Self {
             connection,
             table,
@@ -165,7 +169,7 @@ impl<'c> Rows<'c> {
 
     /// All rows, the newest first.
     #[must_use]
-    pub const fn newest_first(connection: &'c Connection, table: Table) -> Self {
+    pub const fn newest_first(connection: &'c Connection, table: JournalTable) -> Self {
         // SQLite's greatest number.
         let last = i64::MAX.unsigned_abs();
         Self {
@@ -204,7 +208,7 @@ impl<'c> Rows<'c> {
     }
 }
 
-impl Iterator for Rows<'_> {
+impl Iterator for TableRows<'_> {
     type Item = Result<ReadRow, Error>;
 
     fn next(&mut self) -> Option<Self::Item> {
@@ -223,7 +227,7 @@ impl Iterator for Rows<'_> {
 
 /// The error for a table whose numbers are not ascending.
 #[must_use]
-pub fn out_of_order(table: Table) -> Error {
+pub fn out_of_order(table: JournalTable) -> Error {
     let what = format!(
         "the rows of {} are out of order: the file is damaged",
         table.name()
@@ -253,8 +257,8 @@ pub fn check(path: &Path) -> Result<Vec<String>, Error> {
 /// SQLite's.
 pub fn unused_drives(path: &Path) -> Result<Vec<Name>, Error> {
     let connection = connect(path)?;
-    let tables =
-        Table::ALL.map(|table| format!("SELECT name FROM {} WHERE name IS NOT NULL", table.name()));
+    let tables = JournalTable::ALL
+        .map(|table| format!("SELECT name FROM {} WHERE name IS NOT NULL", table.name()));
     let mut select = connection.prepare(&format!(
         "SELECT name FROM drive WHERE name NOT IN ({})",
         tables.join(" UNION ")

@@ -1,7 +1,7 @@
 //! What is left of a damaged journal: whether a file was truncated, and which of its rows are sound.
 
-use super::reader::{self, PAGE_BYTES_MIN, ReadRow, Rows};
-use crate::journal::{Row, Table};
+use super::reader::{self, PAGE_BYTES_MIN, ReadRow, TableRows};
+use crate::journal::{JournalRow, JournalTable};
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{self, Read};
@@ -16,7 +16,7 @@ const LOOKED_AT_MAX: usize = 100_000;
 
 /// What exists at the journal's path.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Standing {
+pub enum FileStanding {
     /// No file: a new journal begins.
     New,
     /// An empty file: a journal that was created and never written, or one whose rows are lost.
@@ -31,13 +31,13 @@ pub enum Standing {
 ///
 /// # Errors
 /// The system's.
-pub fn standing(path: &Path) -> io::Result<Standing> {
+pub fn standing(path: &Path) -> io::Result<FileStanding> {
     let log = std::fs::metadata(PathBuf::from(format!("{}-wal", path.display())))
         .map_or(0, |log| log.len());
-    let broken = |what: &str| Ok(Standing::Broken(what.to_owned()));
+    let broken = |what: &str| Ok(FileStanding::Broken(what.to_owned()));
     let found = match std::fs::metadata(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound && log == 0 => {
-            return Ok(Standing::New);
+            return Ok(FileStanding::New);
         }
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             return broken("it is missing, but its log exists");
@@ -47,16 +47,16 @@ pub fn standing(path: &Path) -> io::Result<Standing> {
     match found.len() {
         // Opening a pipe would block.
         _ if !found.is_file() => broken("it is not a regular file"),
-        0 if log == 0 => Ok(Standing::Empty),
+        0 if log == 0 => Ok(FileStanding::Empty),
         0 => broken("it is empty, but its log is not"),
         bytes if bytes < PAGE_BYTES_MIN => broken(&format!("it was cut to {bytes} bytes")),
         // What is missing in the file may be in its log.
-        _ if log > 0 => Ok(Standing::Whole),
+        _ if log > 0 => Ok(FileStanding::Whole),
         bytes => Ok(match bytes_of(path)? {
             Some(whole) if whole > bytes => {
-                Standing::Broken(format!("it was cut to {bytes} of {whole} bytes"))
+                FileStanding::Broken(format!("it was cut to {bytes} of {whole} bytes"))
             }
-            _ => Standing::Whole,
+            _ => FileStanding::Whole,
         }),
     }
 }
@@ -88,20 +88,20 @@ fn bytes_of(path: &Path) -> io::Result<Option<u64>> {
 
 /// What could be read of one table.
 #[derive(Debug, Default)]
-pub struct Rescued {
+pub struct RescuedTable {
     /// The newest of the sound rows that can be read, in order.
-    pub rows: Vec<Row>,
+    pub rows: Vec<JournalRow>,
     /// Where reading failed and why; `None` if all of it was read.
     pub lost: Option<String>,
 }
 
 /// The sound rows of `table` in the damaged file at `path`, up to the first place that cannot be read.
 #[must_use]
-pub fn rescued(path: &Path, table: Table) -> Rescued {
+pub fn rescued(path: &Path, table: JournalTable) -> RescuedTable {
     let connection = match reader::salvage(path) {
         Ok(connection) => connection,
         Err(error) => {
-            return Rescued {
+            return RescuedTable {
                 rows: Vec::new(),
                 lost: Some(format!("all of {}: {error}", table.name())),
             };
@@ -116,7 +116,7 @@ pub fn rescued(path: &Path, table: Table) -> Rescued {
     let mut rows = VecDeque::new();
     let mut last = after;
     let mut lost = None;
-    for seen in Rows::after(&connection, table, after).take(LOOKED_AT_MAX) {
+    for seen in TableRows::after(&connection, table, after).take(LOOKED_AT_MAX) {
         match seen {
             Ok(ReadRow::Sound(row)) => {
                 last = row.number;
@@ -129,7 +129,7 @@ pub fn rescued(path: &Path, table: Table) -> Rescued {
             Err(error) => lost = Some(format!("{} after number {last}: {error}", table.name())),
         }
     }
-    Rescued {
+    RescuedTable {
         rows: rows.into(),
         lost,
     }

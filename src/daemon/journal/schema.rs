@@ -34,7 +34,7 @@ const STEPS: [&str; VERSION as usize] = [
 
 /// The kind of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Made {
+pub enum FileKind {
     /// The file was empty and has its tables now.
     New,
     /// The file had its tables, which are in their newest version now.
@@ -49,7 +49,7 @@ pub enum Made {
 ///
 /// # Errors
 /// SQLite's.
-pub fn make(connection: &mut Connection, session: &str) -> Result<Made, Error> {
+pub fn make(connection: &mut Connection, session: &str) -> Result<FileKind, Error> {
     let number = |name: &str| connection.pragma_query_value(None, name, |row| row.get::<_, i64>(0));
     let version = number("user_version")?;
     let application = number("application_id")?;
@@ -57,10 +57,10 @@ pub fn make(connection: &mut Connection, session: &str) -> Result<Made, Error> {
         connection.query_row("SELECT count(*) FROM sqlite_schema", [], |row| row.get(0))?;
     let is_new = version == 0 && tables == 0;
     if !is_new && application != APPLICATION {
-        return Ok(Made::Foreign);
+        return Ok(FileKind::Foreign);
     }
     if version > VERSION {
-        return Ok(Made::Newer(version));
+        return Ok(FileKind::Newer(version));
     }
     if is_new {
         // Only before the first table: later it would require rewriting the whole file.
@@ -83,7 +83,11 @@ pub fn make(connection: &mut Connection, session: &str) -> Result<Made, Error> {
         transaction.pragma_update(None, "user_version", VERSION)?;
         transaction.commit()?;
     }
-    Ok(if is_new { Made::New } else { Made::Found })
+    Ok(if is_new {
+        FileKind::New
+    } else {
+        FileKind::Found
+    })
 }
 
 #[cfg(test)]
@@ -109,7 +113,7 @@ mod tests {
     #[test]
     fn a_journal_of_an_earlier_version_keeps_its_rows_and_gets_what_is_new() {
         let mut connection = of_version_1();
-        assert_eq!(make(&mut connection, "second").unwrap(), Made::Found);
+        assert_eq!(make(&mut connection, "second").unwrap(), FileKind::Found);
         let number = |sql: &str| {
             connection
                 .query_row(sql, [], |row| row.get::<_, i64>(0))
@@ -129,7 +133,7 @@ mod tests {
         );
         assert_eq!(
             make(&mut connection, "third").unwrap(),
-            Made::Found,
+            FileKind::Found,
             "once is enough"
         );
     }

@@ -1,9 +1,9 @@
 //! Finds rows of the journal by table, name, time and number.
 
-use super::reader::{ReadRow, Rows};
+use super::reader::{ReadRow, TableRows};
 use crate::domain::calendar::parse;
 use crate::domain::time::WallTime;
-use crate::journal::Table;
+use crate::journal::JournalTable;
 use rusqlite::{Connection, Error};
 use std::iter::Peekable;
 
@@ -14,14 +14,14 @@ const TOO_OLD_MAX: usize = 1000;
 
 /// Since when.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Since {
+pub enum SearchStart {
     /// A moment.
     At(WallTime),
     /// Milliseconds before now.
     Ago(i64),
 }
 
-impl Since {
+impl SearchStart {
     /// Parses a time or a duration.
     ///
     /// # Errors
@@ -59,28 +59,28 @@ impl Since {
 
 /// The tables that a word names; `None` if it is unknown.
 #[must_use]
-pub fn tables(word: &str) -> Option<&'static [Table]> {
+pub fn tables(word: &str) -> Option<&'static [JournalTable]> {
     Some(match word {
-        "trips" => &[Table::Event],
-        "audit" => &[Table::Audit],
-        "availability" => &[Table::Availability],
-        "all" => &Table::ALL,
+        "trips" => &[JournalTable::Event],
+        "audit" => &[JournalTable::Audit],
+        "availability" => &[JournalTable::Availability],
+        "all" => &JournalTable::ALL,
         _ => return None,
     })
 }
 
 /// Which rows are wanted.
 #[derive(Clone, Debug)]
-pub struct Wanted {
+pub struct WantedRows {
     /// Of which tables.
-    pub tables: &'static [Table],
+    pub tables: &'static [JournalTable],
     /// About this drive or line; `None` for all.
     pub drive: Option<String>,
     /// Since this moment; `None` for all.
     pub since: Option<WallTime>,
 }
 
-impl Wanted {
+impl WantedRows {
     /// Whether a row is wanted. A damaged one always is: what it was about is unknown.
     #[must_use]
     pub fn wants(&self, seen: &ReadRow) -> bool {
@@ -105,26 +105,26 @@ impl Wanted {
 
 /// The rows of several tables, merged by time. Each table stays in its own order, whatever the clock did.
 #[derive(Debug)]
-pub struct Merged<'c>(Vec<(Table, Peekable<Rows<'c>>)>);
+pub struct MergedRows<'c>(Vec<(JournalTable, Peekable<TableRows<'c>>)>);
 
-impl<'c> Merged<'c> {
+impl<'c> MergedRows<'c> {
     /// All rows of these tables, oldest first.
     #[must_use]
-    pub fn new(connection: &'c Connection, tables: &[Table]) -> Self {
+    pub fn new(connection: &'c Connection, tables: &[JournalTable]) -> Self {
         Self(
             tables
                 .iter()
-                .map(|table| (*table, Rows::after(connection, *table, 0).peekable()))
+                .map(|table| (*table, TableRows::after(connection, *table, 0).peekable()))
                 .collect(),
         )
     }
 }
 
-impl Iterator for Merged<'_> {
-    type Item = Result<(Table, ReadRow), rusqlite::Error>;
+impl Iterator for MergedRows<'_> {
+    type Item = Result<(JournalTable, ReadRow), rusqlite::Error>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let moment = |rows: &mut Peekable<Rows<'_>>| match rows.peek()? {
+        let moment = |rows: &mut Peekable<TableRows<'_>>| match rows.peek()? {
             Ok(ReadRow::Sound(row)) => Some(row.at.unix_ms),
             // At once: no moment is known, and an error ends everything.
             Ok(ReadRow::Damaged(_)) | Err(_) => Some(i64::MIN),
@@ -144,7 +144,7 @@ impl Iterator for Merged<'_> {
 #[derive(Debug)]
 pub struct SearchResult {
     /// Tables and numbers of the rows, oldest first. The rows themselves may be many and long.
-    pub rows: Vec<(Table, u64)>,
+    pub rows: Vec<(JournalTable, u64)>,
     /// False if older rows may have been left out because the search took too long.
     pub is_complete: bool,
 }
@@ -155,13 +155,13 @@ pub struct SearchResult {
 /// SQLite's.
 pub fn newest(
     connection: &Connection,
-    wanted: &Wanted,
+    wanted: &WantedRows,
     most: usize,
 ) -> Result<SearchResult, Error> {
     let mut tables: Vec<_> = wanted
         .tables
         .iter()
-        .map(|table| Backward::new(connection, *table))
+        .map(|table| BackwardRows::new(connection, *table))
         .collect();
     let mut rows = Vec::new();
     let mut looked_at = 0;
@@ -200,18 +200,18 @@ pub fn newest(
 }
 
 /// The rows of one table, newest first.
-struct Backward<'c> {
-    table: Table,
-    rows: Peekable<Rows<'c>>,
+struct BackwardRows<'c> {
+    table: JournalTable,
+    rows: Peekable<TableRows<'c>>,
     /// Consecutive rows that were too old.
     too_old: usize,
 }
 
-impl<'c> Backward<'c> {
-    fn new(connection: &'c Connection, table: Table) -> Self {
+impl<'c> BackwardRows<'c> {
+    fn new(connection: &'c Connection, table: JournalTable) -> Self {
         Self {
             table,
-            rows: Rows::newest_first(connection, table).peekable(),
+            rows: TableRows::newest_first(connection, table).peekable(),
             too_old: 0,
         }
     }
@@ -230,17 +230,19 @@ impl<'c> Backward<'c> {
 mod tests {
     use super::*;
     use crate::daemon::journal::schema;
-    use crate::journal::Row;
+    use crate::journal::JournalRow;
     use serde_json::json;
 
     /// A journal with these rows: table, number, moment, name.
-    fn journal(rows: impl IntoIterator<Item = (Table, u64, i64, &'static str)>) -> Connection {
+    fn journal(
+        rows: impl IntoIterator<Item = (JournalTable, u64, i64, &'static str)>,
+    ) -> Connection {
         let mut connection = Connection::open_in_memory().unwrap();
         schema::make(&mut connection, "test").unwrap();
         for (table, number, unix_ms, name) in rows {
-            let row = Row {
+            let row = JournalRow {
                 number,
-                ..Row::new(WallTime { unix_ms }, "test", Some(name), &json!({}))
+                ..JournalRow::new(WallTime { unix_ms }, "test", Some(name), &json!({}))
             };
             let sql = format!(
                 "INSERT INTO {} (number, at, kind, name, body, crc) VALUES (?, ?, ?, ?, ?, ?)",
@@ -256,8 +258,8 @@ mod tests {
         connection
     }
 
-    fn wanted(tables: &'static [Table]) -> Wanted {
-        Wanted {
+    fn wanted(tables: &'static [JournalTable]) -> WantedRows {
+        WantedRows {
             tables,
             drive: None,
             since: None,
@@ -265,7 +267,11 @@ mod tests {
     }
 
     /// Tables and numbers of the newest.
-    fn numbers(connection: &Connection, wanted: &Wanted, most: usize) -> Vec<(Table, u64)> {
+    fn numbers(
+        connection: &Connection,
+        wanted: &WantedRows,
+        most: usize,
+    ) -> Vec<(JournalTable, u64)> {
         let SearchResult { rows, is_complete } = newest(connection, wanted, most).unwrap();
         assert!(is_complete);
         rows
@@ -274,60 +280,64 @@ mod tests {
     #[test]
     fn the_newest_of_all_tables_are_found_in_their_order() {
         let connection = journal([
-            (Table::Audit, 1, 10, "a"),
-            (Table::Event, 1, 20, "b"),
-            (Table::Audit, 2, 30, "a"),
-            (Table::Event, 2, 40, "a"),
-            (Table::Audit, 3, 50, "b"),
+            (JournalTable::Audit, 1, 10, "a"),
+            (JournalTable::Event, 1, 20, "b"),
+            (JournalTable::Audit, 2, 30, "a"),
+            (JournalTable::Event, 2, 40, "a"),
+            (JournalTable::Audit, 3, 50, "b"),
         ]);
-        let all = wanted(&Table::ALL);
+        let all = wanted(&JournalTable::ALL);
         assert_eq!(
             numbers(&connection, &all, 3),
-            [(Table::Audit, 2), (Table::Event, 2), (Table::Audit, 3)]
+            [
+                (JournalTable::Audit, 2),
+                (JournalTable::Event, 2),
+                (JournalTable::Audit, 3)
+            ]
         );
         assert_eq!(numbers(&connection, &all, 100).len(), 5);
         assert_eq!(
-            numbers(&connection, &wanted(&[Table::Event]), 1),
-            [(Table::Event, 2)]
+            numbers(&connection, &wanted(&[JournalTable::Event]), 1),
+            [(JournalTable::Event, 2)]
         );
-        let of_b = Wanted {
+        let of_b = WantedRows {
             drive: Some("b".to_owned()),
             ..all.clone()
         };
         assert_eq!(
             numbers(&connection, &of_b, 100),
-            [(Table::Event, 1), (Table::Audit, 3)]
+            [(JournalTable::Event, 1), (JournalTable::Audit, 3)]
         );
-        let late = Wanted {
+        let late = WantedRows {
             since: Some(WallTime { unix_ms: 40 }),
             ..all.clone()
         };
         assert_eq!(
             numbers(&connection, &late, 100),
-            [(Table::Event, 2), (Table::Audit, 3)]
+            [(JournalTable::Event, 2), (JournalTable::Audit, 3)]
         );
         connection
             .execute("UPDATE audit SET name = 'x' WHERE number = 1", [])
             .unwrap();
         assert_eq!(
             numbers(&connection, &late, 100)[0],
-            (Table::Audit, 1),
+            (JournalTable::Audit, 1),
             "a damaged one may be about anything"
         );
     }
 
     #[test]
     fn a_clock_that_was_set_back_for_a_while_hides_nothing() {
-        let early = (1..=5).map(|number| (Table::Audit, number, 1000, "a"));
-        let set_back = (6..=10).map(|number| (Table::Audit, number, 1, "a"));
+        let early = (1..=5).map(|number| (JournalTable::Audit, number, 1000, "a"));
+        let set_back = (6..=10).map(|number| (JournalTable::Audit, number, 1, "a"));
         let connection = journal(early.chain(set_back));
-        let late = Wanted {
+        let late = WantedRows {
             since: Some(WallTime { unix_ms: 500 }),
-            ..wanted(&[Table::Audit])
+            ..wanted(&[JournalTable::Audit])
         };
         assert_eq!(
             numbers(&connection, &late, 100),
-            [1, 2, 3, 4, 5].map(|number| (Table::Audit, number))
+            [1, 2, 3, 4, 5].map(|number| (JournalTable::Audit, number))
         );
     }
 
@@ -335,23 +345,29 @@ mod tests {
     fn a_search_in_a_long_journal_ends_soon() {
         let most = TOO_OLD_MAX as u64;
         let connection = journal(
-            (1..=most + 1).map(|number| (Table::Audit, number, i64::from(number == 1), "a")),
+            (1..=most + 1).map(|number| (JournalTable::Audit, number, i64::from(number == 1), "a")),
         );
-        let late = Wanted {
+        let late = WantedRows {
             since: Some(WallTime { unix_ms: 1 }),
-            ..wanted(&[Table::Audit])
+            ..wanted(&[JournalTable::Audit])
         };
         assert_eq!(
             numbers(&connection, &late, 100),
-            [] as [(Table, u64); 0],
+            [] as [(JournalTable, u64); 0],
             "behind so many old ones nobody looks"
         );
     }
 
     #[test]
     fn moments_and_times_are_distinguished() {
-        assert!(matches!(Since::parse("2026-01-31T08:00"), Ok(Since::At(_))));
-        assert!(matches!(Since::parse("7d"), Ok(Since::Ago(604_800_000))));
+        assert!(matches!(
+            SearchStart::parse("2026-01-31T08:00"),
+            Ok(SearchStart::At(_))
+        ));
+        assert!(matches!(
+            SearchStart::parse("7d"),
+            Ok(SearchStart::Ago(604_800_000))
+        ));
         for wrong in [
             "",
             "7",
@@ -361,7 +377,7 @@ mod tests {
             "99999999999999999999d",
             "9223372036854775807d",
         ] {
-            assert!(Since::parse(wrong).is_err(), "{wrong}");
+            assert!(SearchStart::parse(wrong).is_err(), "{wrong}");
         }
     }
 }

@@ -18,7 +18,7 @@ pub enum JournalState {
 impl JournalState {
     /// The word that is shown.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Ok => "ok",
             Self::Failed => "failed",
@@ -60,9 +60,9 @@ pub struct JournalReport {
 
 /// The report that the writer changes and others read.
 #[derive(Debug, Default)]
-pub struct Status(Mutex<JournalReport>);
+pub struct JournalStatus(Mutex<JournalReport>);
 
-impl Status {
+impl JournalStatus {
     /// The present report.
     #[must_use]
     pub fn report(&self) -> JournalReport {

@@ -1,13 +1,15 @@
 //! The database while it can be used. A damaged one is moved aside; one that the system refuses is retried.
 
 use super::aside::move_aside;
-use super::database::{Broken, Database, DatabaseState, Mark, TakenOver, rescued};
-use super::files::{Loss, OpenFiles, remove_log};
-use super::rescue::{Standing, standing};
-use super::status::{JournalState, Status};
+use super::database::{
+    DatabaseFailure, DatabaseState, FileMark, JournalDatabase, TakenOver, rescued,
+};
+use super::files::{FileLoss, OpenFiles, remove_log};
+use super::rescue::{FileStanding, standing};
+use super::status::{JournalState, JournalStatus};
 use crate::daemon::host::clock;
 use crate::domain::time::MonoTime;
-use crate::journal::{Book, Row, row};
+use crate::journal::{JournalBook, JournalRow, row};
 use std::collections::BTreeSet;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -21,29 +23,29 @@ const LONGEST_WAIT: Duration = Duration::from_secs(10);
 
 /// The database, or when it is retried.
 #[derive(Debug)]
-pub struct Store {
+pub struct JournalStore {
     path: PathBuf,
     max_bytes: u64,
-    status: Arc<Status>,
-    database: Option<Database>,
+    status: Arc<JournalStatus>,
+    database: Option<JournalDatabase>,
     /// The files of the one that was opened last.
     files: Option<OpenFiles>,
     /// The audit is numbered after the rows that the first database of this start held.
     audit_base: Option<u64>,
     /// Up to where the file was written when it failed.
-    mark: Option<Mark>,
+    mark: Option<FileMark>,
     retry_at: MonoTime,
     wait: Duration,
     /// Rows about the journal itself, for the next group.
-    notes: Vec<Row>,
+    notes: Vec<JournalRow>,
     /// A new file has replaced the one that was there.
     has_begun_anew: bool,
 }
 
-impl Store {
+impl JournalStore {
     /// Opens the database at `path`. Returns what it contained as well.
     #[must_use]
-    pub fn open(path: &Path, max_bytes: u64, status: &Arc<Status>) -> (Self, DatabaseState) {
+    pub fn open(path: &Path, max_bytes: u64, status: &Arc<JournalStatus>) -> (Self, DatabaseState) {
         let mut store = Self {
             path: path.to_owned(),
             max_bytes,
@@ -70,12 +72,14 @@ impl Store {
     fn connect(&mut self) -> Option<DatabaseState> {
         let broken = match self.open_once() {
             Ok(found) => return Some(found),
-            Err(Broken::Refused(reason)) if self.is_unreadable() => Broken::Damaged(reason),
+            Err(DatabaseFailure::Refused(reason)) if self.is_unreadable() => {
+                DatabaseFailure::Damaged(reason)
+            }
             Err(broken) => broken,
         };
         match broken {
-            Broken::Refused(reason) => self.failed(reason),
-            Broken::Damaged(reason) => match self.begin_anew(&reason) {
+            DatabaseFailure::Refused(reason) => self.failed(reason),
+            DatabaseFailure::Damaged(reason) => match self.begin_anew(&reason) {
                 Ok(aside) => match self.open_once() {
                     Ok(found) => {
                         return Some(DatabaseState {
@@ -83,7 +87,9 @@ impl Store {
                             ..found
                         });
                     }
-                    Err(Broken::Refused(reason) | Broken::Damaged(reason)) => self.failed(reason),
+                    Err(DatabaseFailure::Refused(reason) | DatabaseFailure::Damaged(reason)) => {
+                        self.failed(reason)
+                    }
                 },
                 Err(error) => self.failed(format!("{reason}; it cannot be moved aside: {error}")),
             },
@@ -91,13 +97,13 @@ impl Store {
         None
     }
 
-    fn open_once(&mut self) -> Result<DatabaseState, Broken> {
-        match standing(&self.path).map_err(|error| Broken::Refused(error.to_string()))? {
-            Standing::New | Standing::Whole => {}
-            Standing::Broken(what) => return Err(Broken::Damaged(what)),
+    fn open_once(&mut self) -> Result<DatabaseState, DatabaseFailure> {
+        match standing(&self.path).map_err(|error| DatabaseFailure::Refused(error.to_string()))? {
+            FileStanding::New | FileStanding::Whole => {}
+            FileStanding::Broken(what) => return Err(DatabaseFailure::Damaged(what)),
             // Noted once, however often it cannot be opened.
-            Standing::Empty if !self.notes.is_empty() => {}
-            Standing::Empty => {
+            FileStanding::Empty if !self.notes.is_empty() => {}
+            FileStanding::Empty => {
                 let now = clock::wall();
                 let file = self.path.display().to_string();
                 let reason = "its file was empty: rows that an earlier one may have held are lost";
@@ -109,7 +115,7 @@ impl Store {
             }
         }
         let session = clock::wall().unix_ms.to_string();
-        let (mut database, found) = Database::open(&self.path, &session, self.max_bytes)?;
+        let (mut database, found) = JournalDatabase::open(&self.path, &session, self.max_bytes)?;
         let base = *self.audit_base.get_or_insert(database.audit_base());
         database.count_audit_from(base);
         if let Some(mark) = &self.mark {
@@ -189,13 +195,13 @@ impl Store {
             return;
         };
         let what = match loss {
-            Loss::Deleted => match self.restore() {
+            FileLoss::Deleted => match self.restore() {
                 Ok(()) => "its file was deleted while the gateway ran; all rows were written into a new one".to_owned(),
                 Err(why) => {
                     format!("its file was deleted while the gateway ran; a new one begins without its rows: {why}")
                 }
             },
-            Loss::Replaced => {
+            FileLoss::Replaced => {
                 if let Some(database) = &self.database {
                     database.keep_off();
                 }
@@ -206,8 +212,8 @@ impl Store {
                 }
                 "its file was replaced while the gateway ran; the one that is there now is continued".to_owned()
             }
-            Loss::Log => {
-                let kept = self.database.as_ref().map_or(Ok(()), Database::checkpoint);
+            FileLoss::Log => {
+                let kept = self.database.as_ref().map_or(Ok(()), JournalDatabase::checkpoint);
                 self.leave();
                 match kept {
                     Ok(()) => "its log was deleted while the gateway ran; all rows are in its file".to_owned(),
@@ -292,7 +298,7 @@ impl Store {
     }
 
     /// Writes what waits. Returns false if it cannot; it is not retried before [`retry_at`](Self::retry_at).
-    pub fn write(&mut self, book: &mut Book, taken: &BTreeSet<u64>) -> bool {
+    pub fn write(&mut self, book: &mut JournalBook, taken: &BTreeSet<u64>) -> bool {
         if self.retry_at().is_some_and(|at| clock::now() < at) {
             return false;
         }
@@ -316,12 +322,12 @@ impl Store {
                     self.works();
                     return true;
                 }
-                Err(error) => match Broken::from(error) {
-                    Broken::Refused(reason) => {
+                Err(error) => match DatabaseFailure::from(error) {
+                    DatabaseFailure::Refused(reason) => {
                         self.failed(reason);
                         return false;
                     }
-                    Broken::Damaged(reason) => self.give_up(&reason),
+                    DatabaseFailure::Damaged(reason) => self.give_up(&reason),
                 },
             }
         }
@@ -351,15 +357,15 @@ impl Store {
     }
 
     /// The database, if it can be used.
-    pub const fn database(&mut self) -> Option<&mut Database> {
+    pub const fn database(&mut self) -> Option<&mut JournalDatabase> {
         self.database.as_mut()
     }
 
     /// Handles the failure of a read or a cut.
     pub fn troubled(&mut self, error: rusqlite::Error) {
-        match Broken::from(error) {
-            Broken::Refused(reason) => self.failed(reason),
-            Broken::Damaged(reason) => self.give_up(&reason),
+        match DatabaseFailure::from(error) {
+            DatabaseFailure::Refused(reason) => self.failed(reason),
+            DatabaseFailure::Damaged(reason) => self.give_up(&reason),
         }
     }
 }

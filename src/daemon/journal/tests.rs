@@ -1,12 +1,12 @@
 //! The journal on a real disk: written, read again, cut, moved aside, and while it cannot be written.
 
-use super::database::Database;
-use super::inbox::Post;
-use super::reader::{self, ReadRow, Rows};
+use super::database::JournalDatabase;
+use super::inbox::WriterMessage;
+use super::reader::{self, ReadRow, TableRows};
 use super::*;
 use crate::config::{self, Config};
-use crate::daemon::exchange::answers::News;
-use crate::daemon::exchange::inbox::Message;
+use crate::daemon::exchange::answers::LineNews;
+use crate::daemon::exchange::inbox::LineMessage;
 use crate::daemon::lines::build;
 use crate::daemon::testing::Dir;
 use crate::domain::command::{Order, Outcome, Owner, Reason, Report};
@@ -15,7 +15,8 @@ use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::view::{TripEvent, TripEventKind, TripRecord};
 use crate::journal::RowNumber;
 use crate::journal::{
-    AttemptId, Book, Entry, RememberedStop, Row, StoredEvent, Table, Tried, TripBaseline,
+    AttemptId, JournalBook, JournalEntry, JournalRow, JournalTable, RememberedStop, StoredEvent,
+    TriedWrite, TripBaseline,
 };
 use crate::vendors;
 use std::collections::BTreeSet;
@@ -43,9 +44,9 @@ impl Place {
         file_in(&self.0)
     }
 
-    fn rows(&self, table: Table) -> Vec<ReadRow> {
+    fn rows(&self, table: JournalTable) -> Vec<ReadRow> {
         let connection = reader::connect(&self.file()).unwrap();
-        Rows::after(&connection, table, 0)
+        TableRows::after(&connection, table, 0)
             .map(Result::unwrap)
             .collect()
     }
@@ -75,8 +76,8 @@ impl Place {
 /// A journal with one line and an MQTT side, both played by hand.
 struct Rig {
     journal: Arc<Journal>,
-    memory: BTreeMap<Name, Remembered>,
-    source: Source,
+    memory: BTreeMap<Name, RememberedDrive>,
+    source: JournalSource,
     north: NorthSource,
     inbox: Arc<LineInbox>,
     sides: NorthSides,
@@ -104,7 +105,7 @@ impl Rig {
         let inbox = Arc::<LineInbox>::default();
         let drives = vec![shared.drives[0].description.clone()];
         let source = journal.line(Name::new("hall-1").unwrap(), drives, Arc::clone(&inbox));
-        let north = journal.north(crate::daemon::exchange::shared::Current::from(shared));
+        let north = journal.north(crate::daemon::exchange::shared::CurrentPlant::from(shared));
         Self {
             journal,
             memory,
@@ -116,9 +117,9 @@ impl Rig {
         }
     }
 
-    fn keep(&mut self, entry: Entry) -> RowNumber {
+    fn keep(&mut self, entry: JournalEntry) -> RowNumber {
         self.row += 1;
-        let keep = Keep {
+        let keep = EntryToKeep {
             row: RowNumber(self.row),
             drive: DriveIndex(0),
             at: clock::now(),
@@ -141,7 +142,7 @@ impl Rig {
             at: clock::now(),
             while_away: false,
         };
-        self.keep(Entry::Trip(
+        self.keep(JournalEntry::Trip(
             event,
             TripBaseline {
                 count: Some(count),
@@ -152,9 +153,9 @@ impl Rig {
     }
 
     fn refuse(&mut self, number: u64) -> RowNumber {
-        let tried = Tried::Text(format!("no {number}"));
+        let tried = TriedWrite::Text(format!("no {number}"));
         let report = Some(Report::refused(Reason::NotUnderstood));
-        self.keep(Entry::Attempt(Attempt {
+        self.keep(JournalEntry::Attempt(WriteAttempt {
             id: AttemptId(number),
             owner: Owner::Mqtt,
             tried,
@@ -176,7 +177,7 @@ impl Rig {
         until("the events are told", || {
             self.sides.mqtt.as_ref().unwrap().take(&mut batch);
             for news in batch.drain(..) {
-                let News::Events { events, more } = news else {
+                let LineNews::Events { events, more } = news else {
                     panic!("{news:?}")
                 };
                 told.extend(events);
@@ -221,7 +222,7 @@ fn name() -> Name {
     Name::new("pump-1").unwrap()
 }
 
-fn sound(rows: Vec<ReadRow>) -> Vec<Row> {
+fn sound(rows: Vec<ReadRow>) -> Vec<JournalRow> {
     rows.into_iter()
         .map(|seen| {
             if let ReadRow::Sound(row) = seen {
@@ -244,7 +245,7 @@ fn a_trip_outlives_a_kill_once_and_its_number_goes_on() {
         let mut batch = Vec::new();
         rig.inbox.take(&mut batch);
         batch.into_iter().find_map(|message| {
-            if let Message::Kept(row) = message {
+            if let LineMessage::Kept(row) = message {
                 Some(row)
             } else {
                 None
@@ -300,15 +301,15 @@ fn a_trip_outlives_a_kill_once_and_its_number_goes_on() {
         "who asks before there is anything is told then"
     );
     rig.close();
-    assert_eq!(second.rows(Table::Event).len(), 3);
+    assert_eq!(second.rows(JournalTable::Event).len(), 3);
 }
 
 #[test]
 fn what_is_remembered_of_a_drive_is_found_again() {
     let place = Place::new();
     let mut rig = Rig::start(&place);
-    rig.keep(Entry::Lease(Some(Owner::Mqtt)));
-    let row = rig.keep(Entry::StopPending { coast: true });
+    rig.keep(JournalEntry::Lease(Some(Owner::Mqtt)));
+    let row = rig.keep(JournalEntry::StopPending { coast: true });
     rig.wait_for(row);
     let place = rig.abandon(&place);
     for was_orphaned in [false, true] {
@@ -322,8 +323,8 @@ fn what_is_remembered_of_a_drive_is_found_again() {
         rig.close();
     }
     let mut rig = Rig::start(&place);
-    rig.keep(Entry::Lease(None));
-    let row = rig.keep(Entry::StopOver { is_effective: true });
+    rig.keep(JournalEntry::Lease(None));
+    let row = rig.keep(JournalEntry::StopOver { is_effective: true });
     rig.wait_for(row);
     rig.close();
     let rig = Rig::start(&place);
@@ -331,7 +332,7 @@ fn what_is_remembered_of_a_drive_is_found_again() {
         (rig.memory[&name()].lease, rig.memory[&name()].stop),
         (None, None)
     );
-    let states: Vec<_> = sound(place.rows(Table::Availability))
+    let states: Vec<_> = sound(place.rows(JournalTable::Availability))
         .into_iter()
         .map(|row| row.body)
         .collect();
@@ -351,9 +352,9 @@ fn what_is_remembered_is_found_also_where_nothing_can_be_written() {
     let place = Place::new();
     let mut rig = Rig::start(&place);
     rig.trip(7);
-    rig.keep(Entry::Lease(Some(Owner::Mqtt)));
-    rig.keep(Entry::ResetWord { may_stand: true });
-    let row = rig.keep(Entry::StopPending { coast: true });
+    rig.keep(JournalEntry::Lease(Some(Owner::Mqtt)));
+    rig.keep(JournalEntry::ResetWord { may_stand: true });
+    let row = rig.keep(JournalEntry::StopPending { coast: true });
     rig.wait_for(row);
     rig.close();
     place.wait_for_file();
@@ -381,7 +382,7 @@ fn what_is_remembered_is_found_also_where_nothing_can_be_written() {
 fn what_no_row_is_about_is_forgotten_unless_the_drive_is_there() {
     let place = Place::new();
     let mut rig = Rig::start(&place);
-    let row = rig.keep(Entry::StopPending { coast: true });
+    let row = rig.keep(JournalEntry::StopPending { coast: true });
     rig.wait_for(row);
     assert_eq!(reader::unused_drives(&place.file()).unwrap(), [name()]);
     let runtime = tokio::runtime::Builder::new_current_thread()
@@ -392,7 +393,7 @@ fn what_no_row_is_about_is_forgotten_unless_the_drive_is_there() {
         let memory = runtime.block_on(journal.memory(PATIENCE)).unwrap();
         memory.contains_key(&name())
     };
-    rig.journal.inbox.put(Post::Unused(vec![name()]));
+    rig.journal.inbox.put(WriterMessage::Unused(vec![name()]));
     assert!(is_remembered(&rig.journal), "its line is here");
     rig.close();
     let shared = Arc::new(build::shared(&CONFIG));
@@ -424,13 +425,17 @@ fn what_no_row_is_about_is_forgotten_unless_the_drive_is_there() {
 fn what_a_failed_write_has_left_is_taken_back_and_written_once() {
     let place = Place::new();
     let drive = build::shared(&CONFIG).drives[0].description.clone();
-    let open = || Database::open(&place.file(), "one", 64_000_000).unwrap().0;
+    let open = || {
+        JournalDatabase::open(&place.file(), "one", 64_000_000)
+            .unwrap()
+            .0
+    };
     let none = BTreeSet::new();
-    let mut book = Book::default();
+    let mut book = JournalBook::default();
     let label = |at: MonoTime| WallTime {
         unix_ms: (at.as_nanos() / 1_000_000) as i64,
     };
-    let tell = |book: &mut Book, entry| book.take(1, &drive, MonoTime::ZERO, entry, &label);
+    let tell = |book: &mut JournalBook, entry| book.take(1, &drive, MonoTime::ZERO, entry, &label);
     let trip = |code| {
         let record = TripRecord {
             at: MonoTime::ZERO,
@@ -438,7 +443,7 @@ fn what_a_failed_write_has_left_is_taken_back_and_written_once() {
             words: Vec::new(),
         };
         let kind = TripEventKind::Tripped { trips: 1, record };
-        Entry::Trip(
+        JournalEntry::Trip(
             TripEvent {
                 kind,
                 count: None,
@@ -449,11 +454,11 @@ fn what_a_failed_write_has_left_is_taken_back_and_written_once() {
         )
     };
     let attempt = |id| {
-        let tried = Tried::Registers {
+        let tried = TriedWrite::Registers {
             address: 1_u16.into(),
             values: vec![2],
         };
-        Entry::Attempt(Attempt {
+        JournalEntry::Attempt(WriteAttempt {
             id: AttemptId(id),
             owner: Owner::Mqtt,
             tried,
@@ -471,7 +476,7 @@ fn what_a_failed_write_has_left_is_taken_back_and_written_once() {
     tell(&mut book, attempt(2));
     tell(
         &mut book,
-        Entry::Presence(crate::drive::snapshot::Presence::Online),
+        JournalEntry::Presence(crate::drive::snapshot::DrivePresence::Online),
     );
     database.write(&book, &none).unwrap();
     drop(database);
@@ -484,7 +489,7 @@ fn what_a_failed_write_has_left_is_taken_back_and_written_once() {
     book.written();
     tell(&mut book, trip(4));
     database.write(&book, &none).unwrap();
-    let codes: Vec<_> = sound(place.rows(Table::Event))
+    let codes: Vec<_> = sound(place.rows(JournalTable::Event))
         .into_iter()
         .map(|row| (row.number, row.body))
         .collect();
@@ -497,20 +502,22 @@ fn what_a_failed_write_has_left_is_taken_back_and_written_once() {
     assert_eq!(codes.len(), 4);
     assert_eq!(
         (
-            place.rows(Table::Audit).len(),
-            place.rows(Table::Availability).len()
+            place.rows(JournalTable::Audit).len(),
+            place.rows(JournalTable::Availability).len()
         ),
         (2, 2)
     );
 
     // A mark of another file says nothing about this one.
     let other = Place::new();
-    let mut database = Database::open(&other.file(), "two", 64_000_000).unwrap().0;
+    let mut database = JournalDatabase::open(&other.file(), "two", 64_000_000)
+        .unwrap()
+        .0;
     database.resume(&mark).unwrap();
     book.written();
     tell(&mut book, trip(1));
     database.write(&book, &none).unwrap();
-    assert_eq!(sound(other.rows(Table::Event))[0].number, 1);
+    assert_eq!(sound(other.rows(JournalTable::Event))[0].number, 1);
 }
 
 #[test]
@@ -518,28 +525,28 @@ fn an_attempt_is_one_row_over_groups_and_lives() {
     let place = Place::new();
     for life in 0..2_u64 {
         let mut rig = Rig::start(&place);
-        let tried = Tried::Order(Order::Reset);
-        let attempt = Attempt {
+        let tried = TriedWrite::Order(Order::Reset);
+        let attempt = WriteAttempt {
             id: AttemptId(1),
             owner: Owner::Local,
             tried,
             report: None,
         };
-        let row = rig.keep(Entry::Attempt(attempt));
+        let row = rig.keep(JournalEntry::Attempt(attempt));
         rig.wait_for(row);
         assert!(
-            sound(place.rows(Table::Audit))[life as usize]
+            sound(place.rows(JournalTable::Audit))[life as usize]
                 .body
                 .contains("\"outcome\":null")
         );
         let report = Report::new(Outcome::Confirmed, Reason::None);
-        let row = rig.keep(Entry::Ended {
+        let row = rig.keep(JournalEntry::Ended {
             attempt: AttemptId(1),
             report,
         });
         rig.wait_for(row);
         rig.close();
-        let rows = sound(place.rows(Table::Audit));
+        let rows = sound(place.rows(JournalTable::Audit));
         assert_eq!(
             rows.iter().map(|row| row.number).collect::<Vec<_>>(),
             (1..=life + 1).collect::<Vec<_>>()
@@ -575,13 +582,13 @@ fn a_full_journal_loses_the_oldest_commands_and_keeps_the_trips() {
     );
     assert_eq!((report.state, report.lost), (JournalState::Ok, 0));
     rig.close();
-    let audit = sound(place.rows(Table::Audit));
+    let audit = sound(place.rows(JournalTable::Audit));
     assert!(
         audit[0].number > 10_000 && audit.last().unwrap().number == 20_001,
         "{:?}",
         audit[0]
     );
-    assert_eq!(place.rows(Table::Event).len(), 20);
+    assert_eq!(place.rows(JournalTable::Event).len(), 20);
     assert!(place.aside().is_empty());
 }
 
@@ -603,7 +610,7 @@ fn a_flipped_byte_costs_one_row() {
         bytes[at + 3] ^= 1;
     }
     std::fs::write(place.file(), bytes).unwrap();
-    let audit = place.rows(Table::Audit);
+    let audit = place.rows(JournalTable::Audit);
     assert!(
         matches!(
             audit[..],
@@ -654,10 +661,10 @@ fn what_cannot_be_a_journal_is_moved_aside_and_never_overwritten() {
         );
         rig.close();
         assert_eq!(
-            (place.aside().len(), place.rows(Table::Event).len()),
+            (place.aside().len(), place.rows(JournalTable::Event).len()),
             (1, 1)
         );
-        let said = sound(place.rows(Table::Availability));
+        let said = sound(place.rows(JournalTable::Availability));
         assert!(
             said.iter().any(|row| row.body.contains("begun_anew")),
             "{said:?}"
@@ -695,7 +702,7 @@ fn a_truncated_journal_gives_what_nobody_had_taken_to_the_next() {
     rig.wait_for(row);
     rig.close();
     assert_eq!(
-        sound(place.rows(Table::Event))
+        sound(place.rows(JournalTable::Event))
             .iter()
             .map(|row| row.number)
             .collect::<Vec<_>>(),
@@ -705,11 +712,13 @@ fn a_truncated_journal_gives_what_nobody_had_taken_to_the_next() {
 
 /// The sound rows of a table that can be read at `path`, which may be damaged. It terminates whatever the file
 /// contains.
-fn readable(path: &Path, table: Table, most: usize) -> Vec<Row> {
+fn readable(path: &Path, table: JournalTable, most: usize) -> Vec<JournalRow> {
     let Ok(connection) = reader::salvage(path) else {
         return Vec::new();
     };
-    let rows: Vec<_> = Rows::after(&connection, table, 0).take(most + 1).collect();
+    let rows: Vec<_> = TableRows::after(&connection, table, 0)
+        .take(most + 1)
+        .collect();
     assert!(
         rows.len() <= most,
         "{}: {} rows of {most}",
@@ -742,7 +751,7 @@ fn a_journal_that_was_cut_anywhere_is_read_to_its_end_and_its_sound_rows_are_kep
     rig.close();
     place.wait_for_file();
     let whole = std::fs::read(place.file()).unwrap();
-    let rows = Table::ALL.map(|table| sound(place.rows(table)));
+    let rows = JournalTable::ALL.map(|table| sound(place.rows(table)));
     let most = rows.iter().map(Vec::len).max().unwrap() + 2;
     assert!(
         whole.len() >= 10 * 4096 && most > 300,
@@ -758,7 +767,7 @@ fn a_journal_that_was_cut_anywhere_is_read_to_its_end_and_its_sound_rows_are_kep
     for (number, cut) in cuts.into_iter().enumerate() {
         let place = Place::new();
         std::fs::write(place.file(), &whole[..cut]).unwrap();
-        let left = Table::ALL.map(|table| readable(&place.file(), table, most));
+        let left = JournalTable::ALL.map(|table| readable(&place.file(), table, most));
         for (left, rows) in left.iter().zip(&rows) {
             assert!(
                 left.iter().all(|row| rows.contains(row)),
@@ -778,7 +787,7 @@ fn a_journal_that_was_cut_anywhere_is_read_to_its_end_and_its_sound_rows_are_kep
             "cut to {cut}"
         );
         rig.close();
-        let now = Table::ALL.map(|table| sound(place.rows(table)));
+        let now = JournalTable::ALL.map(|table| sound(place.rows(table)));
         for (left, now) in left.iter().zip(&now) {
             assert!(
                 left.iter().all(|row| now.contains(row)),
@@ -794,7 +803,7 @@ fn a_journal_that_was_cut_anywhere_is_read_to_its_end_and_its_sound_rows_are_kep
     }
     let almost = Place::new();
     std::fs::write(almost.file(), &whole[..whole.len() - 1]).unwrap();
-    let left: usize = Table::ALL
+    let left: usize = JournalTable::ALL
         .iter()
         .map(|table| readable(&almost.file(), *table, most).len())
         .sum();
@@ -910,12 +919,15 @@ fn a_file_that_is_deleted_while_it_is_open_is_told_and_written_again_with_all_ro
                 .collect::<Vec<_>>()
         };
         assert_eq!(
-            (kinds(Table::Event).len(), kinds(Table::Audit).len()),
+            (
+                kinds(JournalTable::Event).len(),
+                kinds(JournalTable::Audit).len()
+            ),
             (2, 3),
             "{files:?}"
         );
         assert!(
-            kinds(Table::Availability)
+            kinds(JournalTable::Availability)
                 .iter()
                 .any(|kind| kind.contains("journal")),
             "{files:?}"
@@ -927,10 +939,10 @@ fn a_file_that_is_deleted_while_it_is_open_is_told_and_written_again_with_all_ro
 #[test]
 fn a_log_that_is_deleted_costs_no_row() {
     let place = Place::new();
-    let status = Arc::<Status>::default();
-    let (mut store, found) = Store::open(&place.file(), 64_000_000, &status);
-    let mut book = Book::new(found.memory);
-    let mut write = |store: &mut Store, version| {
+    let status = Arc::<JournalStatus>::default();
+    let (mut store, found) = JournalStore::open(&place.file(), 64_000_000, &status);
+    let mut book = JournalBook::new(found.memory);
+    let mut write = |store: &mut JournalStore, version| {
         book.note(row::started(WallTime { unix_ms: 1 }, version, "one", false));
         assert!(store.write(&mut book, &BTreeSet::new()));
         book.written();
@@ -947,7 +959,7 @@ fn a_log_that_is_deleted_costs_no_row() {
     );
     write(&mut store, "2");
     drop(store);
-    let rows = sound(place.rows(Table::Availability));
+    let rows = sound(place.rows(JournalTable::Availability));
     assert!(
         ["\"1\"", "\"2\""]
             .iter()
@@ -975,7 +987,7 @@ fn a_file_that_is_replaced_is_told_and_the_new_one_is_continued() {
     rig.wait_for(row);
     rig.close();
     assert_eq!(
-        sound(place.rows(Table::Event)).len(),
+        sound(place.rows(JournalTable::Event)).len(),
         2,
         "of the other one, and the new"
     );

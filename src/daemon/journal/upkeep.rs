@@ -1,7 +1,7 @@
 //! Work on the database outside the writer: one check of the whole file after the start, and emptying its log from time
 //! to time.
 
-use super::inbox::{Inbox, Post};
+use super::inbox::{WriterInbox, WriterMessage};
 use super::reader;
 use rusqlite::{Connection, Error, OpenFlags};
 use std::io;
@@ -17,7 +17,7 @@ const CHECK_AFTER: Duration = Duration::from_secs(2);
 ///
 /// # Errors
 /// The system's refusal to start a thread.
-pub fn start(path: PathBuf, inbox: Arc<Inbox>) -> io::Result<SyncSender<()>> {
+pub fn start(path: PathBuf, inbox: Arc<WriterInbox>) -> io::Result<SyncSender<()>> {
     let (ask, asked) = sync_channel(1);
     std::thread::Builder::new().name("journal upkeep".to_owned()).spawn(move || {
         let mut wait = Some(CHECK_AFTER);
@@ -39,7 +39,7 @@ pub fn start(path: PathBuf, inbox: Arc<Inbox>) -> io::Result<SyncSender<()>> {
                     check(&path, &inbox);
                     match reader::unused_drives(&path) {
                         Ok(drives) if drives.is_empty() => {}
-                        Ok(drives) => inbox.put(Post::Unused(drives)),
+                        Ok(drives) => inbox.put(WriterMessage::Unused(drives)),
                         Err(error) => {
                             tracing::debug!(%error, "cannot find out which drives the journal still mentions")
                         }
@@ -51,12 +51,12 @@ pub fn start(path: PathBuf, inbox: Arc<Inbox>) -> io::Result<SyncSender<()>> {
     Ok(ask)
 }
 
-fn check(path: &Path, inbox: &Inbox) {
+fn check(path: &Path, inbox: &WriterInbox) {
     match reader::check(path) {
         Ok(problems) if problems.is_empty() => {
             tracing::debug!("journal checked; no problems found")
         }
-        Ok(problems) => inbox.put(Post::Checked(problems)),
+        Ok(problems) => inbox.put(WriterMessage::Checked(problems)),
         Err(error) => tracing::debug!(%error, "cannot check the journal"),
     }
 }

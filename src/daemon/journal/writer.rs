@@ -1,19 +1,19 @@
 //! The writer thread: it writes all that waits in one transaction, then reports what is kept.
 
-use super::database::{Database, DatabaseState};
+use super::database::{DatabaseState, JournalDatabase};
 use super::event_sender::EventSender;
-use super::inbox::{Inbox, Post};
-use super::status::Status;
-use super::store::Store;
-use crate::daemon::exchange::bell::Bell;
-use crate::daemon::exchange::inbox::Message;
+use super::inbox::{WriterInbox, WriterMessage};
+use super::status::JournalStatus;
+use super::store::JournalStore;
+use crate::daemon::exchange::bell::BrokerBell;
+use crate::daemon::exchange::inbox::LineMessage;
 use crate::daemon::exchange::north_sides::NorthSides;
-use crate::daemon::exchange::origin::Origin;
+use crate::daemon::exchange::origin::RowOrigin;
 use crate::daemon::host::clock;
 use crate::domain::ids::Name;
 use crate::domain::time::{MonoTime, WallTime};
-use crate::journal::audit::Lost;
-use crate::journal::{Book, Entry, Keep, RowNumber, row};
+use crate::journal::audit::LostCounts;
+use crate::journal::{EntryToKeep, JournalBook, JournalEntry, RowNumber, row};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::mpsc::SyncSender;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -34,19 +34,19 @@ const LOOK_EVERY: Duration = Duration::from_secs(2);
 const TAKEN_MAX: usize = 1024;
 
 /// Writes the journal.
-pub struct Writer {
-    store: Store,
-    book: Book,
-    inbox: Arc<Inbox>,
-    status: Arc<Status>,
+pub struct JournalWriter {
+    store: JournalStore,
+    book: JournalBook,
+    inbox: Arc<WriterInbox>,
+    status: Arc<JournalStatus>,
     sides: NorthSides,
-    changed: Arc<Bell>,
+    changed: Arc<BrokerBell>,
     event_sender: EventSender,
     upkeep: SyncSender<()>,
     taken: BTreeSet<u64>,
     /// The newest row of each line that is in the book, of which the line is to be notified.
-    rows: BTreeMap<u64, (Arc<Origin>, RowNumber)>,
-    to_tell: BTreeMap<u64, (Arc<Origin>, RowNumber)>,
+    rows: BTreeMap<u64, (Arc<RowOrigin>, RowNumber)>,
+    to_tell: BTreeMap<u64, (Arc<RowOrigin>, RowNumber)>,
     /// Groups and rows since the log was emptied.
     since_emptied: (u64, u64),
     /// Rows since the size of the journal was checked.
@@ -62,15 +62,15 @@ pub struct Writer {
 /// The drives of all lines since the start.
 pub type Known = Arc<Mutex<BTreeSet<Name>>>;
 
-impl Writer {
+impl JournalWriter {
     /// A writer that continues from `found`.
     pub fn new(
-        store: Store,
+        store: JournalStore,
         found: DatabaseState,
-        inbox: Arc<Inbox>,
-        status: Arc<Status>,
+        inbox: Arc<WriterInbox>,
+        status: Arc<JournalStatus>,
         sides: NorthSides,
-        changed: Arc<Bell>,
+        changed: Arc<BrokerBell>,
         upkeep: SyncSender<()>,
     ) -> Self {
         for drive in &found.damaged {
@@ -82,7 +82,7 @@ impl Writer {
         let event_sender = EventSender::new(sides.mqtt.clone(), Arc::clone(&changed));
         Self {
             store,
-            book: Book::new(found.memory),
+            book: JournalBook::new(found.memory),
             inbox,
             status,
             sides,
@@ -178,7 +178,7 @@ impl Writer {
         self.book.used_since().map(|since| since + USAGE_WAITS)
     }
 
-    fn lose(&mut self, lost: Lost) {
+    fn lose(&mut self, lost: LostCounts) {
         if lost.total() > 0 {
             self.lost += lost.total();
             self.status.change(|report| {
@@ -188,22 +188,22 @@ impl Writer {
         }
     }
 
-    fn take(&mut self, (now, wall): (MonoTime, WallTime), post: Post) {
+    fn take(&mut self, (now, wall): (MonoTime, WallTime), post: WriterMessage) {
         let label = |at: MonoTime| label(now, wall, at);
         self.is_urgent |= !matches!(
             &post,
-            Post::Keep(
+            WriterMessage::Keep(
                 _,
-                Keep {
-                    entry: Entry::Usage(_),
+                EntryToKeep {
+                    entry: JournalEntry::Usage(_),
                     ..
                 }
             )
         );
         match post {
-            Post::Keep(
+            WriterMessage::Keep(
                 origin,
-                Keep {
+                EntryToKeep {
                     row,
                     drive,
                     at,
@@ -215,30 +215,30 @@ impl Writer {
                 }
                 self.rows.insert(origin.id, (origin, row));
             }
-            Post::Attempt(source, drive, at, attempt) => {
+            WriterMessage::Attempt(source, drive, at, attempt) => {
                 self.book
                     .attempt(source, drive.as_ref(), at, &attempt, &label);
             }
-            Post::Note(row) => self.book.note(row),
-            Post::WantEvents(after) => self.event_sender.want(after),
-            Post::EventTaken(seq) => {
+            WriterMessage::Note(row) => self.book.note(row),
+            WriterMessage::WantEvents(after) => self.event_sender.want(after),
+            WriterMessage::EventTaken(seq) => {
                 if self.taken.len() < TAKEN_MAX {
                     self.taken.insert(seq);
                 }
             }
-            Post::Checked(problems) => self.store.give_up(&problems.join("; ")),
-            Post::Unused(drives) => {
+            WriterMessage::Checked(problems) => self.store.give_up(&problems.join("; ")),
+            WriterMessage::Unused(drives) => {
                 let known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
                 drives
                     .iter()
                     .filter(|drive| !known.contains(*drive))
                     .for_each(|drive| self.book.forget(drive));
             }
-            Post::Memory(tell) => {
+            WriterMessage::Memory(tell) => {
                 // The requester may have given up.
                 let _ = tell.send(self.book.all_memory().clone());
             }
-            Post::Close => {}
+            WriterMessage::Close => {}
         }
     }
 
@@ -296,7 +296,7 @@ impl Writer {
 
     fn tell_lines(&mut self) {
         self.to_tell.retain(|_, (origin, row)| {
-            origin.inbox.put(Message::Kept(*row)).is_err() && !origin.inbox.is_closed()
+            origin.inbox.put(LineMessage::Kept(*row)).is_err() && !origin.inbox.is_closed()
         });
     }
 
@@ -317,7 +317,7 @@ impl Writer {
         self.since_cut += rows;
         if self.since_cut >= CUT_AFTER {
             self.since_cut = 0;
-            match self.store.database().map(Database::cut) {
+            match self.store.database().map(JournalDatabase::cut) {
                 Some(Ok(bytes)) => self.status.change(|report| report.size_bytes = bytes),
                 Some(Err(error)) => self.store.troubled(error),
                 None => {}

@@ -1,14 +1,14 @@
 //! Passes messages of the north sides to the core, and executes the core's effects.
 
 use super::{ENDING_MAX, LineTask};
-use crate::daemon::exchange::answers::News;
-use crate::daemon::exchange::inbox::Message;
+use crate::daemon::exchange::answers::LineNews;
+use crate::daemon::exchange::inbox::LineMessage;
 use crate::daemon::host::clock;
-use crate::daemon::port::Port;
+use crate::daemon::port::OpenPort;
 use crate::domain::ids::DriveIndex;
-use crate::drive::snapshot::Presence;
+use crate::drive::snapshot::DrivePresence;
 use crate::drive::view::{TripEvent, TripEventKind};
-use crate::gateway::{Effect, Input};
+use crate::gateway::{LineEffect, LineInput};
 use std::io;
 
 /// What follows from a stop without effect.
@@ -25,23 +25,27 @@ impl LineTask<'_> {
         for message in self.round.drain(..) {
             self.board.note(&message);
             let input = match message {
-                Message::Native(request) | Message::NativeStop(request) => Input::Native(request),
-                Message::Command(command) => Input::Command(command),
-                Message::AskerGone(asker) => Input::AskerGone(asker),
-                Message::PathAlive(owner) => Input::PathAlive(owner),
-                Message::ResetUsage(drive, owner) => Input::ResetUsage(drive, owner),
-                Message::ConfirmStandstill(drive, owner) => Input::ConfirmStandstill(drive, owner),
-                Message::PathOpened(owner) => Input::PathOpened(owner),
-                Message::Shutdown => {
-                    self.ending = Some(now + ENDING_MAX);
-                    Input::Shutdown
+                LineMessage::Native(request) | LineMessage::NativeStop(request) => {
+                    LineInput::Native(request)
                 }
-                Message::Hurry => {
+                LineMessage::Command(command) => LineInput::Command(command),
+                LineMessage::AskerGone(asker) => LineInput::AskerGone(asker),
+                LineMessage::PathAlive(owner) => LineInput::PathAlive(owner),
+                LineMessage::ResetUsage(drive, owner) => LineInput::ResetUsage(drive, owner),
+                LineMessage::ConfirmStandstill(drive, owner) => {
+                    LineInput::ConfirmStandstill(drive, owner)
+                }
+                LineMessage::PathOpened(owner) => LineInput::PathOpened(owner),
+                LineMessage::Shutdown => {
+                    self.ending = Some(now + ENDING_MAX);
+                    LineInput::Shutdown
+                }
+                LineMessage::Hurry => {
                     self.is_hurried = true;
                     continue;
                 }
-                Message::Leave { stops, tell } => {
-                    self.core.handle(now, Input::Leave { stops });
+                LineMessage::Leave { stops, tell } => {
+                    self.core.handle(now, LineInput::Leave { stops });
                     if stops {
                         self.leaving = Some(tell);
                     } else {
@@ -50,12 +54,12 @@ impl LineTask<'_> {
                     }
                     continue;
                 }
-                Message::Stay => {
+                LineMessage::Stay => {
                     self.leaving = None;
-                    Input::Stay
+                    LineInput::Stay
                 }
-                Message::Yield => Input::Yield,
-                Message::Kept(row) => Input::Kept(row),
+                LineMessage::Yield => LineInput::Yield,
+                LineMessage::Kept(row) => LineInput::Kept(row),
             };
             self.core.handle(now, input);
         }
@@ -70,28 +74,28 @@ impl LineTask<'_> {
     }
 
     /// Executes the core's effects.
-    pub(super) fn act(&mut self, mut device: Option<&mut Port>) -> io::Result<()> {
+    pub(super) fn act(&mut self, mut device: Option<&mut OpenPort>) -> io::Result<()> {
         while let Some(effect) = self.core.next_effect() {
             match effect {
-                Effect::Transmit(frame) => {
+                LineEffect::Transmit(frame) => {
                     if let Some(device) = &mut device {
                         self.transmit(device, &frame)?;
                     }
                 }
-                Effect::Reopen(fault) => self.to_reopen = Some(fault),
-                Effect::Answer(answer) => self.board.tell(News::Native(answer)),
-                Effect::Command(answer) => self.board.tell(News::Command(answer)),
-                Effect::Trip(drive, event) => {
+                LineEffect::Reopen(fault) => self.to_reopen = Some(fault),
+                LineEffect::Answer(answer) => self.board.tell(LineNews::Native(answer)),
+                LineEffect::Command(answer) => self.board.tell(LineNews::Command(answer)),
+                LineEffect::Trip(drive, event) => {
                     self.log_trip(drive, &event);
                     self.board.tell_trip(drive, event);
                 }
-                Effect::Keep(keep) => self.board.keep(keep),
-                Effect::Note(drive, note) => {
+                LineEffect::Keep(keep) => self.board.keep(keep),
+                LineEffect::Note(drive, note) => {
                     tracing::warn!(line = self.port.line, drive = self.name_of(drive), "{note}");
                 }
-                Effect::LineNote(note) => tracing::warn!(line = self.port.line, "{note}"),
-                Effect::Presence(drive, presence) => self.log_presence(drive, presence),
-                Effect::Traffic(record) => {
+                LineEffect::LineNote(note) => tracing::warn!(line = self.port.line, "{note}"),
+                LineEffect::Presence(drive, presence) => self.log_presence(drive, presence),
+                LineEffect::Traffic(record) => {
                     tracing::trace!(line = self.port.line, kind = ?record.kind, bytes = ?record.bytes, "traffic");
                     self.board.tell_traffic(record);
                 }
@@ -102,13 +106,13 @@ impl LineTask<'_> {
         Ok(())
     }
 
-    fn log_presence(&self, drive: DriveIndex, presence: Presence) {
+    fn log_presence(&self, drive: DriveIndex, presence: DrivePresence) {
         let line = &self.port.line;
         let drive = self.name_of(drive);
         match presence {
-            Presence::Online => tracing::info!(line, drive, "drive online"),
-            Presence::Offline => tracing::warn!(line, drive, "drive offline"),
-            Presence::Unknown => tracing::info!(line, drive, "drive not polled yet"),
+            DrivePresence::Online => tracing::info!(line, drive, "drive online"),
+            DrivePresence::Offline => tracing::warn!(line, drive, "drive offline"),
+            DrivePresence::Unknown => tracing::info!(line, drive, "drive not polled yet"),
         }
     }
 

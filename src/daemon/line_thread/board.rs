@@ -1,9 +1,9 @@
 //! What one line thread publishes to the north sides: answers, the views of its drives, its own state.
 
 use super::rows::LineRows;
-use crate::daemon::exchange::answers::News;
-use crate::daemon::exchange::bell::Bell;
-use crate::daemon::exchange::inbox::{Inbox, Message};
+use crate::daemon::exchange::answers::LineNews;
+use crate::daemon::exchange::bell::BrokerBell;
+use crate::daemon::exchange::inbox::{LineInbox, LineMessage};
 use crate::daemon::exchange::north_sides::NorthSides;
 use crate::daemon::exchange::shared::SharedLine;
 use crate::daemon::host::clock;
@@ -15,14 +15,14 @@ use crate::domain::traffic::TrafficRecord;
 use crate::drive::description::DriveRef;
 use crate::drive::view::TripEvent;
 use crate::gateway::LineCore;
-use crate::journal::Keep;
+use crate::journal::EntryToKeep;
 use std::sync::Arc;
 
 /// The side of a line that its thread writes.
 #[derive(Debug)]
-pub struct Board {
+pub struct LineBoard {
     line: Arc<SharedLine>,
-    changed: Arc<Bell>,
+    changed: Arc<BrokerBell>,
     north: NorthSides,
     journal: Option<LineRows>,
     /// The line is being watched.
@@ -30,18 +30,18 @@ pub struct Board {
     /// Recorded traffic that is not handed over yet.
     traffic: Vec<TrafficRecord>,
     /// News of this round.
-    modbus: Vec<News>,
-    mqtt: Vec<News>,
-    sparkplug: Vec<News>,
-    local: Vec<News>,
+    modbus: Vec<LineNews>,
+    mqtt: Vec<LineNews>,
+    sparkplug: Vec<LineNews>,
+    local: Vec<LineNews>,
 }
 
-impl Board {
+impl LineBoard {
     /// The board of `line`, whose news are sent to `north` and whose rows to `journal`; `changed` is rung for them.
     #[must_use]
     pub fn new(
         line: Arc<SharedLine>,
-        changed: Arc<Bell>,
+        changed: Arc<BrokerBell>,
         north: NorthSides,
         journal: Option<&Arc<Journal>>,
     ) -> Self {
@@ -75,7 +75,7 @@ impl Board {
 
     /// The way into the line.
     #[must_use]
-    pub fn inbox(&self) -> &Inbox {
+    pub fn inbox(&self) -> &LineInbox {
         &self.line.inbox
     }
 
@@ -103,7 +103,7 @@ impl Board {
     }
 
     /// Notes a message to the line.
-    pub fn note(&mut self, message: &Message) {
+    pub fn note(&mut self, message: &LineMessage) {
         if let Some(journal) = &mut self.journal {
             let drives = &self.line.drives;
             journal.note(message, |drive| {
@@ -115,14 +115,14 @@ impl Board {
     }
 
     /// Passes a row of the line to the journal, if there is one.
-    pub fn keep(&mut self, keep: Keep) {
+    pub fn keep(&mut self, keep: EntryToKeep) {
         if let Some(journal) = &mut self.journal {
             journal.keep(keep);
         }
     }
 
     /// Keeps `news` for the end of the round.
-    pub fn tell(&mut self, news: News) {
+    pub fn tell(&mut self, news: LineNews) {
         let news = match &mut self.journal {
             Some(journal) => journal.hold(news),
             None => Some(news),
@@ -142,7 +142,7 @@ impl Board {
         if self.journal.is_some() {
             return;
         }
-        self.tell(News::Trip(
+        self.tell(LineNews::Trip(
             DriveRef {
                 line: self.line.number,
                 drive,

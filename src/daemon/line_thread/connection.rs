@@ -2,12 +2,12 @@
 //! no lost line: the next request makes a new connection. Only if there is none, or if the server closes one over which
 //! nothing came, the line is down.
 
-use super::opening::Meanwhile;
-use super::{Connection, LineTask};
+use super::opening::PortlessOutcome;
+use super::{LineTask, ServerConnection};
 use crate::config::PortAddress;
 use crate::daemon::host::clock;
-use crate::daemon::port::{Opener, Port};
-use crate::gateway::Input;
+use crate::daemon::port::{OpenPort, PortOpener};
+use crate::gateway::LineInput;
 use std::io;
 use std::pin::pin;
 use std::time::Duration;
@@ -18,14 +18,14 @@ const CONNECT_WITHIN: Duration = Duration::from_secs(2);
 impl LineTask<'_> {
     /// The port was opened.
     pub(super) fn connection_opened(&mut self) {
-        self.connection = Connection {
+        self.connection = ServerConnection {
             replies_before: self.core.counters().replies,
-            ..Connection::default()
+            ..ServerConnection::default()
         };
     }
 
     /// Sends a frame.
-    pub(super) fn transmit(&mut self, device: &mut Port, frame: &[u8]) -> io::Result<()> {
+    pub(super) fn transmit(&mut self, device: &mut OpenPort, frame: &[u8]) -> io::Result<()> {
         if !self.core.may_transmit(clock::now()) {
             return Ok(());
         }
@@ -44,8 +44,8 @@ impl LineTask<'_> {
     /// due may be too late by then.
     pub(super) async fn connect_again(
         &mut self,
-        device: &mut Port,
-        opener: &mut Opener<'_>,
+        device: &mut OpenPort,
+        opener: &mut PortOpener<'_>,
     ) -> io::Result<()> {
         let now = clock::now();
         if self.core.connects_at().is_none_or(|at| at > now) {
@@ -58,19 +58,19 @@ impl LineTask<'_> {
         };
         let gone = |why: String| io::Error::new(io::ErrorKind::ConnectionReset, why);
         *device = match opened {
-            Meanwhile::Done(Ok(device)) => device,
-            Meanwhile::Done(Err(error)) => return Err(gone(opener.explain(&error))),
-            Meanwhile::TimeIsUp => {
+            PortlessOutcome::Done(Ok(device)) => device,
+            PortlessOutcome::Done(Err(error)) => return Err(gone(opener.explain(&error))),
+            PortlessOutcome::TimeIsUp => {
                 return Err(gone(
                     "the server does not accept another connection in time".to_owned(),
                 ));
             }
-            Meanwhile::Ended => return Ok(()),
+            PortlessOutcome::Ended => return Ok(()),
         };
         self.connection.replies_before = self.core.counters().replies;
         self.take_messages();
-        self.core.handle(clock::now(), Input::ConnectionBack);
-        self.core.handle(clock::now(), Input::Time);
+        self.core.handle(clock::now(), LineInput::ConnectionBack);
+        self.core.handle(clock::now(), LineInput::Time);
         self.act(Some(device))
     }
 
@@ -86,7 +86,7 @@ impl LineTask<'_> {
     }
 
     /// The server has closed the connection: the next frame makes another one.
-    pub(super) fn let_go(&mut self, device: &mut Port) {
+    pub(super) fn let_go(&mut self, device: &mut OpenPort) {
         self.part(device);
         let line = &self.port.line;
         if self.replies_on_connection() == 1
@@ -105,7 +105,7 @@ impl LineTask<'_> {
     }
 
     /// Closes a connection before its server does, which could lose the next request.
-    pub(super) fn close_after_reply(&mut self, device: &mut Port) {
+    pub(super) fn close_after_reply(&mut self, device: &mut OpenPort) {
         if self.connection.closes_each
             && !device.is_parked()
             && self.replies_on_connection() > 0
@@ -115,9 +115,9 @@ impl LineTask<'_> {
         }
     }
 
-    fn part(&mut self, device: &mut Port) {
+    fn part(&mut self, device: &mut OpenPort) {
         device.park();
-        self.core.handle(clock::now(), Input::ConnectionClosed);
+        self.core.handle(clock::now(), LineInput::ConnectionClosed);
     }
 
     fn replies_on_connection(&self) -> u64 {

@@ -12,21 +12,21 @@ mod rows;
 mod serving;
 
 use crate::config::PortAddress;
-use crate::daemon::exchange::bell::Bell;
-use crate::daemon::exchange::inbox::Message;
+use crate::daemon::exchange::bell::BrokerBell;
+use crate::daemon::exchange::inbox::LineMessage;
 use crate::daemon::exchange::north_sides::NorthSides;
 use crate::daemon::exchange::shared::{SharedDrive, SharedLine};
 use crate::daemon::host::clock;
 use crate::daemon::host::sys;
-use crate::daemon::host::timer::Timer;
+use crate::daemon::host::timer::TaskTimer;
 use crate::daemon::journal::Journal;
-use crate::daemon::port::{Attempts, PortSettings};
+use crate::daemon::port::{OpenBackoff, PortSettings};
 use crate::domain::ids::DriveIndex;
 use crate::domain::report::LineFault;
 use crate::domain::time::MonoTime;
-use crate::gateway::{Input, LineCore, LineSetup};
-use crate::journal::Remembered;
-use board::Board;
+use crate::gateway::{LineCore, LineInput, LineSetup};
+use crate::journal::RememberedDrive;
+use board::LineBoard;
 pub use memory::Memory;
 use opening::LoggedFaults;
 use std::io;
@@ -57,7 +57,7 @@ pub struct LinePort {
 #[derive(Debug)]
 pub struct LineHandle {
     line: Arc<SharedLine>,
-    begin: Option<oneshot::Sender<Vec<Remembered>>>,
+    begin: Option<oneshot::Sender<Vec<RememberedDrive>>>,
     /// Notified when the thread has everything it needs.
     ready: oneshot::Receiver<()>,
     /// Closed when the declared actions at shutdown are done.
@@ -70,20 +70,20 @@ pub struct LineHandle {
 }
 
 /// The other ends of what a [`LineHandle`] holds.
-struct Waits {
-    begin: oneshot::Receiver<Vec<Remembered>>,
+struct HandleEnds {
+    begin: oneshot::Receiver<Vec<RememberedDrive>>,
     ready: oneshot::Sender<()>,
     rests: oneshot::Sender<()>,
 }
 
 /// Dropped when the thread of a line exits in any way, so that no client waits for an answer that cannot arrive.
-struct Alive {
+struct AliveGuard {
     line: Arc<SharedLine>,
     /// Dropped after the inbox is closed.
     _ends: oneshot::Sender<()>,
 }
 
-impl Drop for Alive {
+impl Drop for AliveGuard {
     fn drop(&mut self) {
         self.line.inbox.close();
     }
@@ -99,7 +99,7 @@ impl LineHandle {
         port: LinePort,
         setup: LineSetup,
         line: Arc<SharedLine>,
-        changed: Arc<Bell>,
+        changed: Arc<BrokerBell>,
         north: NorthSides,
         journal: Option<&Arc<Journal>>,
     ) -> io::Result<Self> {
@@ -107,8 +107,8 @@ impl LineHandle {
         let (is_ready, ready) = oneshot::channel();
         let (rests, rested) = oneshot::channel();
         let (ends, ended) = oneshot::channel();
-        let board = Board::new(Arc::clone(&line), changed, north, journal);
-        let alive = Alive {
+        let board = LineBoard::new(Arc::clone(&line), changed, north, journal);
+        let alive = AliveGuard {
             line: Arc::clone(&line),
             _ends: ends,
         };
@@ -120,7 +120,7 @@ impl LineHandle {
                     &port,
                     setup,
                     board,
-                    Waits {
+                    HandleEnds {
                         begin: begun,
                         ready: is_ready,
                         rests,
@@ -172,24 +172,24 @@ impl LineHandle {
     #[must_use]
     pub fn leave(&self, stops: bool) -> oneshot::Receiver<Vec<DriveIndex>> {
         let (tell, told) = oneshot::channel();
-        self.tell(Message::Leave { stops, tell });
+        self.tell(LineMessage::Leave { stops, tell });
         told
     }
 
     /// The line continues after all.
     pub fn stay(&self) {
-        self.tell(Message::Stay);
+        self.tell(LineMessage::Stay);
     }
 
     /// Executes the declared action for every drive that is under control. From then on only stops are accepted, until
     /// the line is [closed](Self::close).
     pub fn begin_shutdown(&self) {
-        self.tell(Message::Shutdown);
+        self.tell(LineMessage::Shutdown);
     }
 
     /// The effect of stops is no longer waited for, once each was sent.
     pub fn hurry(&self) {
-        self.tell(Message::Hurry);
+        self.tell(LineMessage::Hurry);
     }
 
     /// Makes the thread exit: at shutdown after the stops that it has, otherwise now. Open requests are answered, and
@@ -226,12 +226,17 @@ impl LineHandle {
         }
     }
 
-    fn tell(&self, message: Message) {
+    fn tell(&self, message: LineMessage) {
         self.line.inbox.put_surely(message);
     }
 }
 
-fn run(port: &LinePort, mut setup: LineSetup, board: Board, waits: Waits) -> io::Result<()> {
+fn run(
+    port: &LinePort,
+    mut setup: LineSetup,
+    board: LineBoard,
+    waits: HandleEnds,
+) -> io::Result<()> {
     // Without character times there is no exact moment to meet, and preempting other threads only costs throughput.
     // With `tcp://` the device server keeps the silence, and the peer may send endlessly.
     if setup.timing.paced
@@ -246,7 +251,7 @@ fn run(port: &LinePort, mut setup: LineSetup, board: Board, waits: Waits) -> io:
         .enable_all()
         .build()?;
     let ended = runtime.block_on(async {
-        let timer = Timer::new()?;
+        let timer = TaskTimer::new()?;
         // A handle that does not wait for it has given the line up, which is noticed below.
         let _ = waits.ready.send(());
         let Ok(remembered) = waits.begin.await else {
@@ -261,7 +266,7 @@ fn run(port: &LinePort, mut setup: LineSetup, board: Board, waits: Waits) -> io:
             timer,
             is_paced,
             logs_traffic,
-            attempts: Attempts::default(),
+            attempts: OpenBackoff::default(),
             told: LoggedFaults::default(),
             round: Vec::new(),
             board,
@@ -270,7 +275,7 @@ fn run(port: &LinePort, mut setup: LineSetup, board: Board, waits: Waits) -> io:
             is_hurried: false,
             leaving: None,
             to_reopen: None,
-            connection: Connection::default(),
+            connection: ServerConnection::default(),
         };
         line.serve().await
     });
@@ -281,7 +286,7 @@ fn run(port: &LinePort, mut setup: LineSetup, board: Board, waits: Waits) -> io:
 
 /// What is known of the connection to a Modbus TCP server.
 #[derive(Debug, Default)]
-struct Connection {
+struct ServerConnection {
     /// Valid replies on the line up to its beginning.
     replies_before: u64,
     /// The server closes each after one reply.
@@ -291,16 +296,16 @@ struct Connection {
 struct LineTask<'a> {
     port: &'a LinePort,
     core: LineCore,
-    timer: Timer,
+    timer: TaskTimer,
     is_paced: bool,
     /// The traffic is logged, even without listeners.
     logs_traffic: bool,
     /// When the port is retried.
-    attempts: Attempts,
+    attempts: OpenBackoff,
     /// The faults of the port that were logged.
     told: LoggedFaults,
     /// The messages of this round.
-    round: Vec<Message>,
+    round: Vec<LineMessage>,
     /// Set at shutdown: until then the thread waits for its stops to take effect.
     ending: Option<MonoTime>,
     /// Dropped when nothing is left to wait for at shutdown. Other lines may take longer, and until they are done stops
@@ -313,8 +318,8 @@ struct LineTask<'a> {
     /// The core wants the port reopened.
     to_reopen: Option<LineFault>,
     /// The connection to a Modbus TCP server.
-    connection: Connection,
-    board: Board,
+    connection: ServerConnection,
+    board: LineBoard,
 }
 
 impl LineTask<'_> {
@@ -344,7 +349,7 @@ impl LineTask<'_> {
         self.take_messages();
         if self.ending.is_none() {
             self.core
-                .handle(clock::now(), Input::PortDown(LineFault::Gone));
+                .handle(clock::now(), LineInput::PortDown(LineFault::Gone));
         } else {
             self.tell_of_open_stops();
         }

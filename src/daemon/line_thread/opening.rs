@@ -1,12 +1,12 @@
 //! Opening the port, and reopening it after it was lost.
 
 use super::LineTask;
-use super::serving::{Left, Uptime};
+use super::serving::{PortExit, PortUptime};
 use crate::daemon::host::clock;
-use crate::daemon::port::{Attempts, Opener, Port};
+use crate::daemon::port::{OpenBackoff, OpenPort, PortOpener};
 use crate::domain::report::LineFault;
 use crate::domain::time::MonoTime;
-use crate::gateway::Input;
+use crate::gateway::LineInput;
 use rustix::io::Errno;
 use std::io;
 use std::pin::pin;
@@ -54,7 +54,7 @@ impl LoggedFaults {
 }
 
 /// What happened first while there was no port.
-pub(super) enum Meanwhile<T> {
+pub(super) enum PortlessOutcome<T> {
     Done(T),
     TimeIsUp,
     /// The thread is to exit.
@@ -69,18 +69,19 @@ impl LineTask<'_> {
     }
 
     async fn serve_ports(&mut self) -> io::Result<()> {
-        let mut opener = Opener::new(&self.port.settings);
+        let mut opener = PortOpener::new(&self.port.settings);
         while let Some(mut device) = self.open(&mut opener).await? {
-            let mut uptime = Uptime::new(clock::now(), &self.core);
+            let mut uptime = PortUptime::new(clock::now(), &self.core);
             // What was wrong with the last port says nothing about this one.
             self.to_reopen = None;
             self.announce(&mut uptime, &device);
-            self.core.handle(uptime.since, Input::PortUp(device.kind()));
+            self.core
+                .handle(uptime.since, LineInput::PortUp(device.kind()));
             self.connection_opened();
             let left = self.serve_port(&mut device, &mut opener, &mut uptime).await;
             let fault = match left {
-                Ok(Left::Closed) => return Ok(()),
-                Ok(Left::ToReopen(fault)) => {
+                Ok(PortExit::Closed) => return Ok(()),
+                Ok(PortExit::ToReopen(fault)) => {
                     self.tell_of_reopening(fault);
                     fault
                 }
@@ -92,14 +93,14 @@ impl LineTask<'_> {
             };
             // Before the wait: an open handle to an unplugged device keeps its name from the new one.
             drop(device);
-            self.core.handle(clock::now(), Input::PortDown(fault));
+            self.core.handle(clock::now(), LineInput::PortDown(fault));
             self.act(None)?;
             let is_asked_for = left.is_ok();
             // Time open proves nothing if the gateway itself gives the port up.
             let was_good =
                 uptime.has_answered || (!is_asked_for && uptime.has_lasted(clock::now()));
             if was_good {
-                self.attempts = Attempts::default();
+                self.attempts = OpenBackoff::default();
             }
             if (is_asked_for || !was_good) && self.pause().await? {
                 return Ok(());
@@ -109,7 +110,7 @@ impl LineTask<'_> {
     }
 
     /// Opens the port, retrying with growing waits; `None` if the thread is to exit.
-    async fn open(&mut self, opener: &mut Opener<'_>) -> io::Result<Option<Port>> {
+    async fn open(&mut self, opener: &mut PortOpener<'_>) -> io::Result<Option<OpenPort>> {
         loop {
             let opened = {
                 let mut opening = pin!(opener.open());
@@ -117,17 +118,17 @@ impl LineTask<'_> {
                     .await?
             };
             match opened {
-                Meanwhile::Done(Ok(device)) => return Ok(Some(device)),
-                Meanwhile::Done(Err(error)) => {
+                PortlessOutcome::Done(Ok(device)) => return Ok(Some(device)),
+                PortlessOutcome::Done(Err(error)) => {
                     let error = opener.explain(&error);
                     self.tell_of_refusal(&error);
                     let told = format!("cannot open {}: {error}", self.port.settings.address);
                     self.core
-                        .handle(clock::now(), Input::PortRefused(told.into()));
+                        .handle(clock::now(), LineInput::PortRefused(told.into()));
                     self.act(None)?;
                 }
-                Meanwhile::TimeIsUp => {}
-                Meanwhile::Ended => return Ok(None),
+                PortlessOutcome::TimeIsUp => {}
+                PortlessOutcome::Ended => return Ok(None),
             }
             if self.pause().await? {
                 return Ok(None);
@@ -139,7 +140,7 @@ impl LineTask<'_> {
     async fn pause(&mut self) -> io::Result<bool> {
         let again = clock::now() + self.attempts.next_wait();
         let waited = self.meanwhile(again, |_| Poll::<()>::Pending).await?;
-        Ok(matches!(waited, Meanwhile::Ended))
+        Ok(matches!(waited, PortlessOutcome::Ended))
     }
 
     /// Waits for `until` or for the result of `poll`, without a port: requests are still answered, leases expire, and
@@ -148,7 +149,7 @@ impl LineTask<'_> {
         &mut self,
         until: MonoTime,
         mut poll: impl FnMut(&mut Context<'_>) -> Poll<T>,
-    ) -> io::Result<Meanwhile<T>> {
+    ) -> io::Result<PortlessOutcome<T>> {
         while clock::now() < until {
             let due = self
                 .core
@@ -156,16 +157,16 @@ impl LineTask<'_> {
                 .map_or(until, |wake| wake.at.min(until));
             self.timer.arm(due)?;
             if let Some(done) = self.wait(&mut poll).await {
-                return Ok(Meanwhile::Done(done));
+                return Ok(PortlessOutcome::Done(done));
             }
             self.take_messages();
-            self.core.handle(clock::now(), Input::Time);
+            self.core.handle(clock::now(), LineInput::Time);
             self.act(None)?;
             if self.is_over() {
-                return Ok(Meanwhile::Ended);
+                return Ok(PortlessOutcome::Ended);
             }
         }
-        Ok(Meanwhile::TimeIsUp)
+        Ok(PortlessOutcome::TimeIsUp)
     }
 
     fn tell_of_refusal(&mut self, error: &str) {

@@ -1,14 +1,14 @@
 //! A line's side of the journal: its rows are sent there, and final answers wait a moment for theirs.
 
-use crate::daemon::exchange::answers::{Held, News};
-use crate::daemon::exchange::inbox::Message;
+use crate::daemon::exchange::answers::{HeldAnswer, LineNews};
+use crate::daemon::exchange::inbox::LineMessage;
 use crate::daemon::host::clock;
-use crate::daemon::journal::Source;
+use crate::daemon::journal::JournalSource;
 use crate::domain::command::Order;
 use crate::domain::ids::{AskerId, DriveIndex, Ticket};
 use crate::domain::native::NativeAsk;
 use crate::drive::decode;
-use crate::journal::{Keep, RowNumber};
+use crate::journal::{EntryToKeep, RowNumber};
 use crate::profile::model::Model;
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -22,18 +22,18 @@ const ASKED_MAX: usize = 8192;
 /// The rows of one line, and its answers that wait for them.
 #[derive(Debug)]
 pub struct LineRows {
-    source: Source,
+    source: JournalSource,
     /// The newest row of the line.
     newest: RowNumber,
     /// Requests that write, except stops: an answer to a stop never waits.
     asked: HashSet<(AskerId, Ticket)>,
-    held: Vec<Held>,
+    held: Vec<HeldAnswer>,
 }
 
 impl LineRows {
     /// A line without rows so far.
     #[must_use]
-    pub fn new(source: Source) -> Self {
+    pub fn new(source: JournalSource) -> Self {
         Self {
             source,
             newest: RowNumber::default(),
@@ -44,12 +44,12 @@ impl LineRows {
 
     /// The line's handle to the journal.
     #[must_use]
-    pub const fn source(&self) -> &Source {
+    pub const fn source(&self) -> &JournalSource {
         &self.source
     }
 
     /// Keeps a row of the line.
-    pub fn keep(&mut self, keep: Keep) {
+    pub fn keep(&mut self, keep: EntryToKeep) {
         self.newest = keep.row;
         self.source.keep(keep);
     }
@@ -57,12 +57,12 @@ impl LineRows {
     /// Notes a message to the line. `model` is that of a drive on it.
     pub fn note<'m>(
         &mut self,
-        message: &Message,
+        message: &LineMessage,
         model: impl FnOnce(DriveIndex) -> Option<&'m Arc<Model>>,
     ) {
         let waits = match message {
-            Message::Command(it) if !it.order.is_stop() => Some((it.asker, it.ticket)),
-            Message::Native(it) | Message::NativeStop(it) => match &it.ask {
+            LineMessage::Command(it) if !it.order.is_stop() => Some((it.asker, it.ticket)),
+            LineMessage::Native(it) | LineMessage::NativeStop(it) => match &it.ask {
                 NativeAsk::Write { address, values } => {
                     let order = model(it.drive)
                         .and_then(|model| decode::order(model, *address, values).ok());
@@ -70,7 +70,7 @@ impl LineRows {
                 }
                 NativeAsk::Read { .. } | NativeAsk::Loop { .. } => None,
             },
-            Message::AskerGone(gone) => {
+            LineMessage::AskerGone(gone) => {
                 self.asked.retain(|(asker, _)| asker != gone);
                 None
             }
@@ -82,10 +82,10 @@ impl LineRows {
     }
 
     /// Holds `news` back if it has to wait for a row; otherwise returns it.
-    pub fn hold(&mut self, news: News) -> Option<News> {
+    pub fn hold(&mut self, news: LineNews) -> Option<LineNews> {
         let key = match &news {
-            News::Native(answer) => (answer.asker, answer.ticket),
-            News::Command(answer) if answer.is_final => (answer.asker, answer.ticket),
+            LineNews::Native(answer) => (answer.asker, answer.ticket),
+            LineNews::Command(answer) if answer.is_final => (answer.asker, answer.ticket),
             _ => return Some(news),
         };
         let waits = self.asked.remove(&key)
@@ -95,7 +95,7 @@ impl LineRows {
             return Some(news);
         }
         let origin = Arc::clone(self.source.origin());
-        self.held.push(Held {
+        self.held.push(HeldAnswer {
             origin,
             row: self.newest,
             until: clock::now() + HOLD,
@@ -105,7 +105,7 @@ impl LineRows {
     }
 
     /// Answers that wait.
-    pub fn held(&mut self) -> impl Iterator<Item = Held> + use<> {
+    pub fn held(&mut self) -> impl Iterator<Item = HeldAnswer> + use<> {
         std::mem::take(&mut self.held).into_iter()
     }
 }

@@ -2,10 +2,10 @@
 
 use super::LineTask;
 use crate::daemon::host::clock;
-use crate::daemon::port::{Opener, Port};
+use crate::daemon::port::{OpenPort, PortOpener};
 use crate::domain::report::{LineFault, LineState};
 use crate::domain::time::MonoTime;
-use crate::gateway::{Input, LineCore, Wake, WakeReason};
+use crate::gateway::{LineCore, LineInput, LineWake, WakeReason};
 use std::future::poll_fn;
 use std::io;
 use std::pin::pin;
@@ -27,7 +27,7 @@ const LOOK_BEFORE_SLEEP: Duration = Duration::from_micros(60);
 const STABLE_AFTER: Duration = Duration::from_secs(1);
 
 /// Why an open port was left.
-pub(super) enum Left {
+pub(super) enum PortExit {
     /// The thread is to exit.
     Closed,
     /// The port is to be reopened.
@@ -36,7 +36,7 @@ pub(super) enum Left {
 
 /// What a port has proved since it was opened.
 #[derive(Debug)]
-pub(super) struct Uptime {
+pub(super) struct PortUptime {
     /// When it was opened.
     pub since: MonoTime,
     /// Valid replies up to then.
@@ -47,7 +47,7 @@ pub(super) struct Uptime {
     is_announced: bool,
 }
 
-impl Uptime {
+impl PortUptime {
     pub fn new(now: MonoTime, core: &LineCore) -> Self {
         Self {
             since: now,
@@ -65,7 +65,7 @@ impl Uptime {
 
 impl LineTask<'_> {
     /// Logs that the line is up, unless a logged fault may still be open.
-    pub(super) fn announce(&self, uptime: &mut Uptime, device: &Port) {
+    pub(super) fn announce(&self, uptime: &mut PortUptime, device: &OpenPort) {
         if uptime.is_announced
             || !self.told.is_empty()
             || self.core.report().state == LineState::Down
@@ -85,7 +85,7 @@ impl LineTask<'_> {
         }
     }
 
-    fn look_after(&mut self, uptime: &mut Uptime, device: &Port) {
+    fn look_after(&mut self, uptime: &mut PortUptime, device: &OpenPort) {
         if uptime.has_answered {
             return;
         }
@@ -101,10 +101,10 @@ impl LineTask<'_> {
     /// Serves an open port until it is lost, is to be reopened, or the thread is to exit.
     pub(super) async fn serve_port(
         &mut self,
-        device: &mut Port,
-        opener: &mut Opener<'_>,
-        uptime: &mut Uptime,
-    ) -> io::Result<Left> {
+        device: &mut OpenPort,
+        opener: &mut PortOpener<'_>,
+        uptime: &mut PortUptime,
+    ) -> io::Result<PortExit> {
         let mut buffer = [0; 512];
         let mut has_more = false;
         loop {
@@ -112,10 +112,10 @@ impl LineTask<'_> {
             self.connect_again(device, opener).await?;
             self.look_after(uptime, device);
             if self.is_over() {
-                return Ok(Left::Closed);
+                return Ok(PortExit::Closed);
             }
             if let Some(fault) = self.to_reopen.take() {
-                return Ok(Left::ToReopen(fault));
+                return Ok(PortExit::ToReopen(fault));
             }
             let wake = self.core.next_wake().map(|wake| match wake.reason {
                 WakeReason::SilentInterval => wake.at.before(WAKE_EARLY),
@@ -132,14 +132,14 @@ impl LineTask<'_> {
                 heard => heard?,
             };
             self.close_after_reply(device);
-            self.core.handle(clock::now(), Input::Time);
+            self.core.handle(clock::now(), LineInput::Time);
         }
     }
 
     /// Waits until something happens, and takes messages and bytes. Returns whether there may be more bytes.
     async fn hear(
         &mut self,
-        device: &mut Port,
+        device: &mut OpenPort,
         buffer: &mut [u8],
         has_more: bool,
     ) -> io::Result<bool> {
@@ -164,7 +164,11 @@ impl LineTask<'_> {
 
     /// On a line without character times: polls for the reply for a moment, yielding to other threads. Returns whether
     /// bytes arrived.
-    fn reply_comes_at_once(&mut self, device: &mut Port, buffer: &mut [u8]) -> io::Result<bool> {
+    fn reply_comes_at_once(
+        &mut self,
+        device: &mut OpenPort,
+        buffer: &mut [u8],
+    ) -> io::Result<bool> {
         if self.is_paced || !self.core.is_occupied() {
             return Ok(false);
         }
@@ -174,7 +178,7 @@ impl LineTask<'_> {
                 Some(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
                 Some(bytes) => {
                     self.core
-                        .handle(clock::now(), Input::Bytes(&buffer[..bytes]));
+                        .handle(clock::now(), LineInput::Bytes(&buffer[..bytes]));
                     return Ok(true);
                 }
                 None => std::thread::yield_now(),
@@ -185,7 +189,7 @@ impl LineTask<'_> {
 
     /// Spins on the clock while the silence before the next frame is about to end.
     fn watch_the_silence_end(&self) {
-        let Some(Wake {
+        let Some(LineWake {
             at,
             reason: WakeReason::SilentInterval,
         }) = self.core.next_wake()
@@ -224,7 +228,7 @@ impl LineTask<'_> {
     /// Reads until the port is empty, asking the port itself and not the runtime's readiness. A node that never stops
     /// sending is left after a while, so that messages, deadlines and other lines have their turn; returns whether that
     /// happened.
-    fn drain(&mut self, device: &mut Port, buffer: &mut [u8]) -> io::Result<bool> {
+    fn drain(&mut self, device: &mut OpenPort, buffer: &mut [u8]) -> io::Result<bool> {
         for _ in 0..READS_PER_ROUND {
             let Some(bytes) = device.read_now(buffer)? else {
                 return Ok(false);
@@ -233,7 +237,7 @@ impl LineTask<'_> {
                 return Err(io::ErrorKind::UnexpectedEof.into());
             }
             self.core
-                .handle(clock::now(), Input::Bytes(&buffer[..bytes]));
+                .handle(clock::now(), LineInput::Bytes(&buffer[..bytes]));
         }
         Ok(true)
     }

@@ -1,7 +1,7 @@
 //! Builds from the configuration what the line threads need.
 
 use crate::config::{Config, DriveSettings, LineSettings, line_plan};
-use crate::daemon::exchange::shared::{Shared, SharedLine, StandbyShare};
+use crate::daemon::exchange::shared::{SharedLine, SharedPlant, StandbyShare};
 use crate::daemon::line_thread::LinePort;
 use crate::daemon::port::PortSettings;
 use crate::domain::ids::DriveIndex;
@@ -9,9 +9,9 @@ use crate::domain::link::Wiring;
 use crate::domain::report::LineReport;
 use crate::domain::standby::{LineRole, StandbyReport, StandbyTrouble};
 use crate::drive::description::{DriveDescription, DriveRef};
-use crate::drive::plan::Pace;
+use crate::drive::plan::PollPace;
 use crate::gateway::{DriveSetup, LineSetup};
-use crate::journal::Remembered;
+use crate::journal::RememberedDrive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -44,11 +44,11 @@ pub fn line_setup(
 
 /// What lines and north sides share, with lines that are not served yet.
 #[must_use]
-pub fn shared(config: &Config) -> Shared {
+pub fn shared(config: &Config) -> SharedPlant {
     let lines = (0..)
         .zip(&config.lines)
         .map(|(number, line)| Arc::new(shared_line(number, line)));
-    Shared::of(lines.collect(), Arc::default())
+    SharedPlant::of(lines.collect(), Arc::default())
 }
 
 /// What one line and the north sides share, before the line is served, with a `number` that no other line of the
@@ -115,7 +115,7 @@ fn description(
         unit: drive.unit,
         uniform_unit: drive.uniform_unit,
         group: drive.group.clone(),
-        pace: Pace::new(drive.poll, stretch),
+        pace: PollPace::new(drive.poll, stretch),
         ratings: drive.ratings,
         control: drive.control.clone(),
         points: drive.points.clone(),
@@ -166,6 +166,6 @@ fn drive_setup(drive: &DriveSettings) -> DriveSetup {
         timeouts: line_plan::reply_timeouts(drive),
         max_lateness: drive.max_lateness,
         control: drive.control.clone(),
-        remembered: Remembered::default(),
+        remembered: RememberedDrive::default(),
     }
 }

@@ -1,7 +1,7 @@
 //! The threads of all lines: preparing, beginning, removing and ending them.
 
 use crate::config::LineSettings;
-use crate::daemon::exchange::bell::Bell;
+use crate::daemon::exchange::bell::BrokerBell;
 use crate::daemon::exchange::north_sides::NorthSides;
 use crate::daemon::exchange::shared::SharedLine;
 use crate::daemon::journal::Journal;
@@ -27,26 +27,26 @@ const STOPS_WITHIN: Duration = Duration::from_secs(5);
 
 /// The threads of all lines.
 #[derive(Debug)]
-pub struct Lines {
+pub struct LineThreads {
     handles: Vec<LineHandle>,
     sides: NorthSides,
     /// `None` without a data directory.
     journal: Option<Arc<Journal>>,
-    changed: Arc<Bell>,
+    changed: Arc<BrokerBell>,
     data_dir: Option<PathBuf>,
     last_number: u16,
     /// Lines have begun, and commands are accepted.
     have_begun: bool,
 }
 
-impl Lines {
+impl LineThreads {
     /// Starts without threads. They will answer to `sides`, send their rows to `journal` and ring `changed`. The lines of
     /// the configuration are `numbered` from 0 already.
     #[must_use]
     pub fn new(
         sides: NorthSides,
         journal: Option<Arc<Journal>>,
-        changed: Arc<Bell>,
+        changed: Arc<BrokerBell>,
         data_dir: Option<PathBuf>,
         numbered: usize,
     ) -> Self {

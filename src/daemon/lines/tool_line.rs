@@ -3,11 +3,11 @@
 
 use crate::config::PortAddress;
 use crate::daemon::exchange::north_sides::NorthSides;
-use crate::daemon::exchange::shared::{Shared, SharedLine};
+use crate::daemon::exchange::shared::{SharedLine, SharedPlant};
 use crate::daemon::line_thread::{LineHandle, LinePort};
 use crate::daemon::lines::build;
 use crate::daemon::local::LocalSide;
-use crate::daemon::port::{Opener, PortSettings};
+use crate::daemon::port::{PortOpener, PortSettings};
 use crate::domain::address::Address;
 use crate::domain::command::Report;
 use crate::domain::ids::{DriveIndex, Name};
@@ -16,7 +16,7 @@ use crate::domain::report::{LineReport, LineState};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveRef;
 use crate::gateway::{DriveSetup, LineSetup};
-use crate::line::timing::Timing;
+use crate::line::timing::LineTiming;
 use std::io;
 use std::sync::Arc;
 use std::time::Duration;
@@ -88,7 +88,7 @@ impl ToolPort {
             return Ok(());
         }
         let settings = self.settings(name);
-        let mut opener = Opener::new(&settings);
+        let mut opener = PortOpener::new(&settings);
         let opened = opener.open().await;
         opened.map(drop).map_err(|error| NoLine::Port {
             port: self.address.clone(),
@@ -114,7 +114,7 @@ impl ToolLine {
     pub async fn open(
         port: &ToolPort,
         name: &Name,
-        timing: Timing,
+        timing: LineTiming,
         drives: Vec<DriveSetup>,
     ) -> Result<Self, NoLine> {
         port.try_open(name.as_str()).await?;
@@ -130,7 +130,7 @@ impl ToolLine {
             keeps: false,
         };
         let line = Arc::new(SharedLine::new(0, name.clone(), Interface::Rs485, []));
-        let shared = Arc::new(Shared::of(vec![Arc::clone(&line)], Arc::default()));
+        let shared = Arc::new(SharedPlant::of(vec![Arc::clone(&line)], Arc::default()));
         let side = Arc::new(LocalSide::new(Arc::clone(&shared), None));
         let north = NorthSides::default();
         let distributes = tokio::spawn(Arc::clone(&side).distribute(Arc::clone(&north.local)));

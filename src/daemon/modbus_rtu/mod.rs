@@ -4,13 +4,13 @@
 mod serving;
 
 use crate::config::{PortAddress, SerialMasterSettings};
-use crate::daemon::exchange::router::Router;
+use crate::daemon::exchange::router::UnitRouter;
 use crate::daemon::exchange::totals::SerialTotals;
-use crate::daemon::host::timer::Timer;
-use crate::daemon::modbus_server::{Listener, Master, Server};
-use crate::daemon::port::{Attempts, Opener, PortSettings};
+use crate::daemon::host::timer::TaskTimer;
+use crate::daemon::modbus_server::{ModbusListener, ModbusServer, PortMaster};
+use crate::daemon::port::{OpenBackoff, PortOpener, PortSettings};
 use arc_swap::ArcSwap;
-use serving::{Gone, Task};
+use serving::{ServingEnd, ServingTask};
 use std::io;
 use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
@@ -29,9 +29,9 @@ const CONNECTIONS_MAX: usize = 4;
 pub struct SerialMaster {
     /// Its settings.
     pub settings: SerialMasterSettings,
-    listener: Rc<Listener>,
+    listener: Rc<ModbusListener>,
     /// Where the units lead to that answer at the port.
-    router: Arc<ArcSwap<Router>>,
+    router: Arc<ArcSwap<UnitRouter>>,
     /// Shown as long as the port is served, also while it cannot be opened.
     _totals: Arc<SerialTotals>,
     task: AbortHandle,
@@ -51,8 +51,8 @@ impl SerialMaster {
     /// The system's refusal to start a thread.
     pub fn start(
         settings: SerialMasterSettings,
-        listener: Rc<Listener>,
-        server: &Rc<Server>,
+        listener: Rc<ModbusListener>,
+        server: &Rc<ModbusServer>,
         lock_dirs: Vec<PathBuf>,
     ) -> io::Result<Self> {
         let router = Arc::new(ArcSwap::new(listener.router()));
@@ -81,7 +81,7 @@ impl SerialMaster {
                 match stream {
                     Ok(stream) => server.serve_master(
                         stream,
-                        Master {
+                        PortMaster {
                             name,
                             answer_within,
                         },
@@ -104,7 +104,7 @@ impl SerialMaster {
 
     /// Its listener, whose settings may change while the port stays open.
     #[must_use]
-    pub const fn listener(&self) -> &Rc<Listener> {
+    pub const fn listener(&self) -> &Rc<ModbusListener> {
         &self.listener
     }
 
@@ -130,7 +130,7 @@ fn port_settings(settings: &SerialMasterSettings, lock_dirs: Vec<PathBuf>) -> Po
 fn run(
     settings: SerialMasterSettings,
     port: &PortSettings,
-    router: Arc<ArcSwap<Router>>,
+    router: Arc<ArcSwap<UnitRouter>>,
     connections: mpsc::Sender<UnixStream>,
     totals: Arc<SerialTotals>,
 ) -> io::Result<()> {
@@ -138,8 +138,8 @@ fn run(
         .enable_all()
         .build()?;
     let ended = runtime.block_on(async {
-        let timer = Timer::new()?;
-        let mut task = Task {
+        let timer = TaskTimer::new()?;
+        let mut task = ServingTask {
             settings,
             router,
             connections,
@@ -155,11 +155,11 @@ fn run(
 }
 
 /// Opens the port and serves it, again and again, until the server stops taking its connections.
-async fn open_and_serve(port: &PortSettings, task: &mut Task) {
+async fn open_and_serve(port: &PortSettings, task: &mut ServingTask) {
     let ends = task.connections.clone();
     let mut ended = pin!(ends.closed());
-    let mut opener = Opener::new(port);
-    let mut attempts = Attempts::default();
+    let mut opener = PortOpener::new(port);
+    let mut attempts = OpenBackoff::default();
     let mut told = String::new();
     let master = task.settings.name;
     loop {
@@ -176,13 +176,13 @@ async fn open_and_serve(port: &PortSettings, task: &mut Task) {
                 let is_serial = matches!(port.address, PortAddress::Device(_));
                 let (gone, has_heard) = task.serve(&mut device, is_serial).await;
                 match gone {
-                    Gone::Ended => return,
-                    Gone::Lost(error) => {
+                    ServingEnd::Ended => return,
+                    ServingEnd::Lost(error) => {
                         tracing::warn!(%master, port = %port.address, %error, "serial master lost")
                     }
                 }
                 if has_heard {
-                    attempts = Attempts::default();
+                    attempts = OpenBackoff::default();
                     told.clear();
                 }
             }

@@ -1,15 +1,15 @@
 //! Serving an open port: bytes to the slave, its requests to the server, and answers back.
 
 use crate::config::SerialMasterSettings;
-use crate::daemon::exchange::router::Router;
+use crate::daemon::exchange::router::UnitRouter;
 use crate::daemon::exchange::totals::SerialTotals;
 use crate::daemon::host::clock;
 use crate::daemon::host::sys;
-use crate::daemon::host::timer::Timer;
-use crate::daemon::port::Port;
+use crate::daemon::host::timer::TaskTimer;
+use crate::daemon::port::OpenPort;
 use crate::domain::link::PortKind;
 use crate::north::modbus::parse;
-use crate::north::modbus::serial::{Slave, SlaveCounters, SlaveRequest, SlaveSettings};
+use crate::north::modbus::serial::{SerialSlave, SlaveCounters, SlaveRequest, SlaveSettings};
 use crate::wire::mbap;
 use arc_swap::ArcSwap;
 use std::future::poll_fn;
@@ -27,7 +27,7 @@ const READS_PER_ROUND: usize = 8;
 const FLOOD_PAUSE: Duration = Duration::from_millis(1);
 
 /// Why a port is not served any more.
-pub(super) enum Gone {
+pub(super) enum ServingEnd {
     /// The server takes no more connections.
     Ended,
     /// The device or the connection to the server is gone.
@@ -35,18 +35,18 @@ pub(super) enum Gone {
 }
 
 /// What a thread serves its port with.
-pub(super) struct Task {
+pub(super) struct ServingTask {
     pub settings: SerialMasterSettings,
-    pub router: Arc<ArcSwap<Router>>,
+    pub router: Arc<ArcSwap<UnitRouter>>,
     pub connections: mpsc::Sender<std::os::unix::net::UnixStream>,
     pub totals: Arc<SerialTotals>,
-    pub timer: Timer,
+    pub timer: TaskTimer,
 }
 
-impl Task {
+impl ServingTask {
     /// Serves an open port until it is lost. Returns also whether a request has arrived. The loss ends the connection to
     /// the server, so that leases end as those of a lost TCP connection do.
-    pub async fn serve(&mut self, device: &mut Port, is_serial: bool) -> (Gone, bool) {
+    pub async fn serve(&mut self, device: &mut OpenPort, is_serial: bool) -> (ServingEnd, bool) {
         let is_paced = device.kind() == PortKind::Serial;
         if is_paced
             && is_serial
@@ -60,14 +60,14 @@ impl Task {
             answer_within: self.settings.answer_within,
             is_paced,
         };
-        let mut slave = Slave::new(settings, clock::now());
+        let mut slave = SerialSlave::new(settings, clock::now());
         let mut counted = SlaveCounters::default();
         let gone = match self.connected() {
             Ok(server) => match self.rounds(device, &server, &mut slave, &mut counted).await {
-                Ok(()) => Gone::Ended,
-                Err(error) => Gone::Lost(error),
+                Ok(()) => ServingEnd::Ended,
+                Err(error) => ServingEnd::Lost(error),
             },
-            Err(error) => Gone::Lost(error),
+            Err(error) => ServingEnd::Lost(error),
         };
         let SlaveCounters {
             requests,
@@ -96,9 +96,9 @@ impl Task {
 
     async fn rounds(
         &mut self,
-        device: &mut Port,
+        device: &mut OpenPort,
         server: &UnixStream,
-        slave: &mut Slave,
+        slave: &mut SerialSlave,
         counted: &mut SlaveCounters,
     ) -> io::Result<()> {
         let mut buffer = [0; 512];
@@ -149,7 +149,7 @@ impl Task {
     /// Waits until something happens. Returns whether the server has stopped taking the port's connections.
     async fn wait(
         &mut self,
-        device: &mut Port,
+        device: &mut OpenPort,
         server: &UnixStream,
         mut ended: std::pin::Pin<&mut impl Future<Output = ()>>,
     ) -> io::Result<bool> {
@@ -171,12 +171,12 @@ impl Task {
 }
 
 /// Whether `request` orders something to stop.
-fn is_stop(router: &Router, request: &SlaveRequest) -> bool {
+fn is_stop(router: &UnitRouter, request: &SlaveRequest) -> bool {
     parse(&request.pdu).is_ok_and(|ask| router.is_stop(request.unit, &ask))
 }
 
 /// Takes the answers of the server.
-fn answered(server: &UnixStream, answers: &mut Vec<u8>, slave: &mut Slave) -> io::Result<()> {
+fn answered(server: &UnixStream, answers: &mut Vec<u8>, slave: &mut SerialSlave) -> io::Result<()> {
     let mut buffer = [0; 512];
     loop {
         match server.try_read(&mut buffer) {
@@ -195,9 +195,9 @@ fn answered(server: &UnixStream, answers: &mut Vec<u8>, slave: &mut Slave) -> io
 
 /// Reads until the port is empty, as often as a round allows; returns whether there may be more.
 fn drain(
-    device: &mut Port,
+    device: &mut OpenPort,
     buffer: &mut [u8],
-    slave: &mut Slave,
+    slave: &mut SerialSlave,
     is_ours: &dyn Fn(u8) -> bool,
 ) -> io::Result<bool> {
     for _ in 0..READS_PER_ROUND {

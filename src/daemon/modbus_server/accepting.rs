@@ -1,9 +1,9 @@
 //! Accepting connections, also when the system has no descriptors left.
 
-use super::admission::Seat;
-use super::handshake::{Shaken, shake};
-use super::stream::Stream;
-use super::{Listener, Proven, Server};
+use super::admission::ClientSeat;
+use super::handshake::{AuthenticatedClient, shake};
+use super::stream::ClientStream;
+use super::{ModbusListener, ModbusServer, ProvenClient};
 use rustix::io::Errno;
 use rustix::net::sockopt;
 use std::future::poll_fn;
@@ -25,9 +25,9 @@ const CLOSING_TURNS: u32 = 4;
 /// Probes of a silent client.
 const PROBES: u32 = 3;
 
-impl Server {
+impl ModbusServer {
     /// Accepts connections that `listener` allows until the task is dropped.
-    pub async fn listen(self: Rc<Self>, socket: TcpListener, listener: Rc<Listener>) {
+    pub async fn listen(self: Rc<Self>, socket: TcpListener, listener: Rc<ModbusListener>) {
         self.spare.refill();
         let mut accepted = 0;
         loop {
@@ -55,7 +55,7 @@ impl Server {
         self: &Rc<Self>,
         stream: TcpStream,
         peer: SocketAddr,
-        listener: &Rc<Listener>,
+        listener: &Rc<ModbusListener>,
     ) {
         if !listener.allows(peer.ip()) {
             self.refuse(peer, "not in `allow`");
@@ -72,12 +72,19 @@ impl Server {
         self: &Rc<Self>,
         stream: TcpStream,
         peer: SocketAddr,
-        listener: Rc<Listener>,
-        seat: Seat,
+        listener: Rc<ModbusListener>,
+        seat: ClientSeat,
     ) {
         let (source, socket) = stream.into_split();
         let Some(security) = listener.security() else {
-            return self.begin(source, Stream::Plain(socket), peer, None, listener, seat);
+            return self.begin(
+                source,
+                ClientStream::Plain(socket),
+                peer,
+                None,
+                listener,
+                seat,
+            );
         };
         let server = Rc::clone(self);
         let asker = seat.asker;
@@ -85,19 +92,19 @@ impl Server {
             let shaken = shake(source, socket, &security).await;
             server.handshakes.ended(asker);
             match shaken {
-                Ok(Shaken {
+                Ok(AuthenticatedClient {
                     source,
                     stream,
                     certificate,
                 }) => {
                     tracing::info!(%peer, name = %certificate.name, role = &*certificate.role, "secure connection");
-                    let proven = Some(Box::new(Proven {
+                    let proven = Some(Box::new(ProvenClient {
                         certificate,
                         to: security,
                     }));
                     server.begin(
                         source,
-                        Stream::Secured(Box::new(stream)),
+                        ClientStream::Secured(Box::new(stream)),
                         peer,
                         proven,
                         listener,
@@ -123,7 +130,7 @@ impl Server {
     async fn squeeze(
         self: &Rc<Self>,
         socket: &TcpListener,
-        listener: &Rc<Listener>,
+        listener: &Rc<ModbusListener>,
         error: &io::Error,
     ) {
         self.told.say(&format!(

@@ -1,8 +1,8 @@
 //! State that all connections share: their slots, and the memory that unread answers take.
 
-use super::{Client, Listener, Server};
+use super::{ModbusClient, ModbusListener, ModbusServer};
 use crate::domain::ids::AskerId;
-use crate::north::modbus::{Entry, Newcomer, Slot, Slots};
+use crate::north::modbus::{ClientSlot, ClientSlots, NewConnection, NewcomerEntry};
 use std::cell::{Cell, RefCell};
 use std::fmt;
 use std::net::IpAddr;
@@ -17,13 +17,13 @@ const UNREAD_KEPT: usize = UNREAD_MAX / 4 * 3;
 
 /// Why the server ends a connection that has done nothing wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Dismissal {
+pub(super) enum ClientDismissal {
     Unwanted,
     MadeRoom,
     Unread,
 }
 
-impl fmt::Display for Dismissal {
+impl fmt::Display for ClientDismissal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Unwanted => "its listener was removed or no longer allows it",
@@ -35,22 +35,22 @@ impl fmt::Display for Dismissal {
 
 /// State that all connections share.
 #[derive(Debug, Default)]
-pub(super) struct Admission {
-    pub(super) slots: RefCell<Slots>,
+pub(super) struct ClientAdmission {
+    pub(super) slots: RefCell<ClientSlots>,
     /// Bytes that wait for clients to read them.
     unread: Cell<usize>,
 }
 
 /// The slot of one connection. It is freed when this is dropped.
 #[derive(Debug)]
-pub(super) struct Seat {
-    admission: Rc<Admission>,
+pub(super) struct ClientSeat {
+    admission: Rc<ClientAdmission>,
     pub(super) asker: AskerId,
-    slot: Cell<Slot>,
+    slot: Cell<ClientSlot>,
     unread: Cell<usize>,
 }
 
-impl Seat {
+impl ClientSeat {
     /// Notes a request of the connection.
     pub(super) fn active(&self) {
         self.slot
@@ -71,16 +71,16 @@ impl Seat {
     }
 }
 
-impl Drop for Seat {
+impl Drop for ClientSeat {
     fn drop(&mut self) {
         self.leaves_unread(0);
         self.admission.slots.borrow_mut().leave(self.slot.get());
     }
 }
 
-impl Server {
+impl ModbusServer {
     /// A slot for a new client, if need be that of the client that was silent longest; `None` if there is none.
-    pub(super) fn seat(&self, peer: IpAddr, listener: &Listener) -> Option<Seat> {
+    pub(super) fn seat(&self, peer: IpAddr, listener: &ModbusListener) -> Option<ClientSeat> {
         self.last.set(self.last.get() + 1);
         let asker = AskerId(self.last.get());
         let newcomer = {
@@ -88,7 +88,7 @@ impl Server {
             let room = listener.room(|| slots.add_room());
             let room_max = listener.connections_max();
             let has_priority = listener.has_priority(peer);
-            Newcomer {
+            NewConnection {
                 asker,
                 room,
                 room_max,
@@ -101,16 +101,16 @@ impl Server {
             .borrow_mut()
             .enter(newcomer, &|asker| self.is_busy(asker));
         let slot = match entry {
-            Entry::Free(slot) => slot,
-            Entry::InsteadOf(slot, gone) => {
-                self.dismiss(gone, Dismissal::MadeRoom);
+            NewcomerEntry::Free(slot) => slot,
+            NewcomerEntry::InsteadOf(slot, gone) => {
+                self.dismiss(gone, ClientDismissal::MadeRoom);
                 slot
             }
-            Entry::Full => return None,
+            NewcomerEntry::Full => return None,
         };
         let admission = Rc::clone(&self.admission);
         let slot = Cell::new(slot);
-        Some(Seat {
+        Some(ClientSeat {
             admission,
             asker,
             slot,
@@ -125,7 +125,7 @@ impl Server {
             .slots
             .borrow_mut()
             .make_room(&|asker| self.is_busy(asker));
-        gone.inspect(|gone| self.dismiss(*gone, Dismissal::MadeRoom))
+        gone.inspect(|gone| self.dismiss(*gone, ClientDismissal::MadeRoom))
             .is_some()
     }
 
@@ -136,7 +136,7 @@ impl Server {
             .values()
             .filter(|client| client.seat.unread.get() > 0)
             .collect();
-        let has_priority = |client: &Client| client.seat.slot.get() == Slot::Priority;
+        let has_priority = |client: &ModbusClient| client.seat.slot.get() == ClientSlot::Priority;
         greedy.sort_by_key(|client| {
             (
                 has_priority(client),
@@ -148,7 +148,7 @@ impl Server {
                 break;
             }
             client.seat.leaves_unread(0);
-            client.dismiss(Dismissal::Unread);
+            client.dismiss(ClientDismissal::Unread);
             self.totals.closed_early();
         }
     }
@@ -160,7 +160,7 @@ impl Server {
             .is_some_and(|client| client.machine.borrow().is_busy())
     }
 
-    fn dismiss(&self, asker: AskerId, why: Dismissal) {
+    fn dismiss(&self, asker: AskerId, why: ClientDismissal) {
         if let Some(client) = self.clients.borrow().get(&asker) {
             client.dismiss(why);
             self.totals.closed_early();

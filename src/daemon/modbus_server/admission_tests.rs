@@ -3,8 +3,8 @@
 use super::tests::{EVERY_LINE, answer, ask, send, shared};
 use super::*;
 use crate::config::ListenerSettings;
-use crate::daemon::exchange::router::Units;
-use crate::daemon::exchange::shared::Shared;
+use crate::daemon::exchange::router::UniformUnits;
+use crate::daemon::exchange::shared::SharedPlant;
 use crate::domain::command::Order;
 use crate::domain::ids::UnitId;
 use crate::wire::mbap;
@@ -20,8 +20,8 @@ const URGENT: Ipv4Addr = Ipv4Addr::new(127, 0, 0, 2);
 
 /// A server and where it listens.
 struct Crowd {
-    server: Rc<Server>,
-    shared: Arc<Shared>,
+    server: Rc<ModbusServer>,
+    shared: Arc<SharedPlant>,
     totals: Arc<ModbusTotals>,
     address: SocketAddr,
 }
@@ -46,7 +46,7 @@ impl Crowd {
         streams
     }
 
-    fn messages(&self) -> Vec<Message> {
+    fn messages(&self) -> Vec<LineMessage> {
         let mut all = Vec::new();
         for line in &self.shared.lines {
             let mut batch = Vec::new();
@@ -79,10 +79,10 @@ fn play<F: Future<Output = ()>>(
         let address = socket.local_addr().unwrap();
         let shared = shared();
         let totals = Arc::new(ModbusTotals::default());
-        let router = Router::new(&settings, Units::new(&shared));
-        let server = Rc::new(Server::new(Arc::clone(&totals), None).with_slots(slots));
+        let router = UnitRouter::new(&settings, UniformUnits::new(&shared));
+        let server = Rc::new(ModbusServer::new(Arc::clone(&totals), None).with_slots(slots));
         tokio::task::spawn_local(
-            Rc::clone(&server).listen(socket, Listener::new(settings, router, None)),
+            Rc::clone(&server).listen(socket, ModbusListener::new(settings, router, None)),
         );
         test(Crowd {
             server,
@@ -201,7 +201,7 @@ fn anyone_who_leaves_the_most_unread_is_closed_when_all_together_leave_too_much(
         let mut clients = crowd.silent(3).await;
         let mut urgent = crowd.connect_from(URGENT).await;
         ask(&mut urgent, 101, &READ).await;
-        let all: Vec<Rc<Client>> = (1..=4)
+        let all: Vec<Rc<ModbusClient>> = (1..=4)
             .map(|at| Rc::clone(&crowd.server.clients.borrow()[&AskerId(at)]))
             .collect();
         for (client, share) in all.iter().zip([3, 4, 2, 6]) {
@@ -223,7 +223,7 @@ fn anyone_who_leaves_the_most_unread_is_closed_when_all_together_leave_too_much(
             .collect::<Vec<_>>();
         assert_eq!(
             kept,
-            [None, Some(Dismissal::Unread), None, None],
+            [None, Some(ClientDismissal::Unread), None, None],
             "priority comes last"
         );
         // They hold the sockets.
@@ -288,10 +288,13 @@ fn only_who_may_have_left_something_at_a_line_says_goodbye_there() {
             let [asked, left @ ..] = &messages[..] else {
                 panic!("{messages:?}")
             };
-            assert!(matches!(asked, Message::Native(_) | Message::NativeStop(_)));
+            assert!(matches!(
+                asked,
+                LineMessage::Native(_) | LineMessage::NativeStop(_)
+            ));
             assert!(matches!(
                 left,
-                [Message::AskerGone(_), Message::AskerGone(_)]
+                [LineMessage::AskerGone(_), LineMessage::AskerGone(_)]
             ));
         }
     });
@@ -333,7 +336,7 @@ fn only_the_units_that_are_listed_answer() {
             tokio::task::yield_now().await;
         }
         let messages = crowd.messages();
-        let [Message::Command(stop)] = &messages[..] else {
+        let [LineMessage::Command(stop)] = &messages[..] else {
             panic!("{messages:?}")
         };
         assert_eq!(
@@ -344,7 +347,7 @@ fn only_the_units_that_are_listed_answer() {
         send(&mut stream, &[(8, 2, &[3, 1, 1, 0, 1])]).await;
         loop {
             tokio::task::yield_now().await;
-            if matches!(crowd.messages()[..], [Message::Native(_)]) {
+            if matches!(crowd.messages()[..], [LineMessage::Native(_)]) {
                 break;
             }
         }

@@ -8,13 +8,13 @@ use crate::domain::command::{Order, Reason, Report};
 use crate::domain::ids::DriveIndex;
 use crate::domain::native::NativeAsk;
 use crate::drive::description::DriveRef;
-use crate::journal::{Attempt, Tried};
+use crate::journal::{TriedWrite, WriteAttempt};
 use crate::wire::mbap;
 use tokio::io::AsyncReadExt;
 use tokio::net::TcpStream;
 
-fn text(text: &str) -> Tried {
-    Tried::Text(text.to_owned())
+fn text(text: &str) -> TriedWrite {
+    TriedWrite::Text(text.to_owned())
 }
 
 fn drive(number: u16) -> Option<DriveRef> {
@@ -106,7 +106,7 @@ fn what_no_line_saw_is_kept_with_who_what_and_why() {
                 let [
                     (
                         found,
-                        Attempt {
+                        WriteAttempt {
                             owner,
                             tried: found_tried,
                             report,
@@ -150,7 +150,7 @@ fn what_a_full_inbox_does_not_take_is_kept_as_the_order_that_it_was() {
         async |plant: Plant, mut stream: TcpStream| {
             let inbox = &plant.shared.lines[0].inbox;
             for _ in 0..INBOX_MAX + COMMANDS_MAX + STOPS_MAX {
-                let _ = inbox.put(Message::Stay);
+                let _ = inbox.put(LineMessage::Stay);
             }
             assert_eq!(ask(&mut stream, 101, &[6, 1, 0, 0, 0]).await, [0x86, 6]);
             assert_eq!(ask(&mut stream, 1, &[6, 0, 2, 0, 0]).await, [0x86, 6]);
@@ -164,14 +164,14 @@ fn what_a_full_inbox_does_not_take_is_kept_as_the_order_that_it_was() {
                 .into_iter()
                 .map(|(place, attempt)| (place, attempt.tried))
                 .collect();
-            let stop = Tried::Order(Order::Stop { setpoint: None });
+            let stop = TriedWrite::Order(Order::Stop { setpoint: None });
             assert_eq!(
                 tried,
                 [
                     (drive(0), stop),
                     (
                         drive(0),
-                        Tried::Registers {
+                        TriedWrite::Registers {
                             address: 2_u16.into(),
                             values: vec![0]
                         }
@@ -297,12 +297,12 @@ fn every_write_is_an_order_or_kept_or_was_nothing_to_do() {
     });
 }
 
-fn writes_in(inbox: &crate::daemon::exchange::inbox::Inbox) -> usize {
+fn writes_in(inbox: &crate::daemon::exchange::inbox::LineInbox) -> usize {
     let mut batch = Vec::new();
     inbox.take(&mut batch);
-    let is_write = |message: &Message| match message {
-        Message::Command(_) | Message::NativeStop(_) => true,
-        Message::Native(request) => matches!(request.ask, NativeAsk::Write { .. }),
+    let is_write = |message: &LineMessage| match message {
+        LineMessage::Command(_) | LineMessage::NativeStop(_) => true,
+        LineMessage::Native(request) => matches!(request.ask, NativeAsk::Write { .. }),
         _ => false,
     };
     batch.iter().filter(|message| is_write(message)).count()

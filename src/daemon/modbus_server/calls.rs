@@ -1,12 +1,12 @@
 //! The calls of one client: answered at once from the views, or passed to lines and answered when those have answered.
 
-use super::Client;
-use crate::daemon::exchange::answers::News;
-use crate::daemon::exchange::inbox::{Full, Message};
-use crate::daemon::exchange::router::{Drive, Target};
+use super::ModbusClient;
+use crate::daemon::exchange::answers::LineNews;
+use crate::daemon::exchange::inbox::{InboxFull, LineMessage};
+use crate::daemon::exchange::router::{UnitDrive, UnitTarget};
 use crate::domain::address::Address;
 use crate::domain::command::{
-    CommandAnswer, CommandRequest, Manner, Order, Origin, Reason, Report,
+    CommandAnswer, CommandRequest, Order, OrderManner, Origin, Reason, Report,
 };
 use crate::domain::ids::Ticket;
 use crate::domain::native::{NativeAsk, NativeRequest};
@@ -14,10 +14,10 @@ use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveRef;
 use crate::guard::COMMAND_DEADLINE;
-use crate::journal::Tried;
+use crate::journal::TriedWrite;
 use crate::north::modbus::{
-    Answer, Ask, Call, Connection, Ended, Ordered, Present, ReadBehind, Taken, Words, memory,
-    native, own, presses_stop,
+    EndedCall, ModbusAnswer, ModbusConnection, ModbusRequest, ReadBehind, RequestAction,
+    RequestContext, RequestedOrder, UnitCall, WordBuffer, memory, native, own, presses_stop,
 };
 use crate::wire::exception;
 use std::time::Duration;
@@ -25,12 +25,12 @@ use std::time::Duration;
 /// Reads renew a lease at most this often for each drive of a connection.
 const RENEW_EVERY: Duration = Duration::from_millis(100);
 
-impl Client {
+impl ModbusClient {
     /// Processes what the client has sent. Each request is answered before the next one is taken if that can be done at
     /// once, so only those that wait for a line count as in flight. Of what `has_waited` through a stall only stops are
     /// executed.
     pub(super) fn serve_bytes(&self, now: MonoTime, mut bytes: &[u8], has_waited: bool) {
-        let mut words = Words::default();
+        let mut words = WordBuffer::default();
         let mut machine = self.machine.borrow_mut();
         let router = self.router();
         while !bytes.is_empty() {
@@ -47,9 +47,9 @@ impl Client {
     fn serve_call(
         &self,
         now: MonoTime,
-        machine: &mut Connection,
-        call: Call,
-        words: &mut Words,
+        machine: &mut ModbusConnection,
+        call: UnitCall,
+        words: &mut WordBuffer,
         has_waited: bool,
     ) {
         let router = self.router();
@@ -65,27 +65,30 @@ impl Client {
             );
         }
         match router.find(call.unit) {
-            Some(Target::Native(drive)) => {
+            Some(UnitTarget::Native(drive)) => {
                 if let Err((tried, reason)) = self.ask_drive(now, machine, drive, &call, words) {
                     machine.refuse(now, &call, tried, Report::refused(reason));
                 }
             }
-            Some(Target::Uniform(drive)) => {
-                let present = Present {
+            Some(UnitTarget::Uniform(drive)) => {
+                let present = RequestContext {
                     standby: drive.shared.role.get(),
                     ..self.present(now)
                 };
                 let taken = drive
                     .unit
                     .take(&call.ask, &drive.shared.view.load(), &present, words);
-                let is_read =
-                    !call.ask.writes() && !matches!(taken, Taken::Exception(_) | Taken::Refused(_));
+                let is_read = !call.ask.writes()
+                    && !matches!(
+                        taken,
+                        RequestAction::Exception(_) | RequestAction::Refused(_)
+                    );
                 if self.reads_renew.get() && is_read && !has_waited {
                     self.renew(now, machine, drive);
                 }
                 self.settle(now, machine, &call, taken, words, Some(drive));
             }
-            Some(Target::Own) => {
+            Some(UnitTarget::Own) => {
                 let taken = own::take(
                     call.unit,
                     &call.ask,
@@ -109,19 +112,19 @@ impl Client {
     fn ask_drive(
         &self,
         now: MonoTime,
-        machine: &mut Connection,
-        drive: Drive<'_>,
-        call: &Call,
-        words: &mut Words,
-    ) -> Result<(), (Option<Tried>, Reason)> {
-        let Call {
+        machine: &mut ModbusConnection,
+        drive: UnitDrive<'_>,
+        call: &UnitCall,
+        words: &mut WordBuffer,
+    ) -> Result<(), (Option<TriedWrite>, Reason)> {
+        let UnitCall {
             ticket, deadline, ..
         } = *call;
-        let Drive { inbox, shared, .. } = drive;
+        let UnitDrive { inbox, shared, .. } = drive;
         let ask = native::ask_of(&shared.description.model, call.ask.clone())
             .map_err(|_| (tried_of(call), Reason::NotCapable))?;
         let tried = match &ask {
-            NativeAsk::Write { address, values } => Some(Tried::Registers {
+            NativeAsk::Write { address, values } => Some(TriedWrite::Registers {
                 address: *address,
                 values: values.clone(),
             }),
@@ -131,7 +134,7 @@ impl Client {
                 if (listens || self.listener.remembers())
                     && self.recall(now, drive, (*address, *count), words)
                 {
-                    machine.answer(now, ticket, Answer::Words(words.as_slice()));
+                    machine.answer(now, ticket, ModbusAnswer::Words(words.as_slice()));
                     return Ok(());
                 }
                 self.listener.reads().count_from_line();
@@ -155,13 +158,13 @@ impl Client {
         };
         let is_stop = self.router().is_stop(call.unit, &call.ask);
         let message = if is_stop {
-            Message::NativeStop(request)
+            LineMessage::NativeStop(request)
         } else {
-            Message::Native(request)
+            LineMessage::Native(request)
         };
         inbox
             .put(message)
-            .map_err(|Full| (tried, Reason::QueueFull))?;
+            .map_err(|InboxFull| (tried, Reason::QueueFull))?;
         self.known_until.set(self.known_until.get().max(until));
         Ok(())
     }
@@ -170,9 +173,9 @@ impl Client {
     fn recall(
         &self,
         now: MonoTime,
-        drive: Drive<'_>,
+        drive: UnitDrive<'_>,
         read: (Address, u16),
-        words: &mut Words,
+        words: &mut WordBuffer,
     ) -> bool {
         let description = &drive.shared.description;
         // Before the view: if the line takes an order in between, the counts differ.
@@ -191,13 +194,13 @@ impl Client {
     fn settle(
         &self,
         now: MonoTime,
-        machine: &mut Connection,
-        call: &Call,
-        taken: Taken,
-        words: &Words,
-        drive: Option<Drive<'_>>,
+        machine: &mut ModbusConnection,
+        call: &UnitCall,
+        taken: RequestAction,
+        words: &WordBuffer,
+        drive: Option<UnitDrive<'_>>,
     ) {
-        if let Taken::Refused(reason) = taken {
+        if let RequestAction::Refused(reason) = taken {
             return machine.refuse(now, call, tried_of(call), Report::refused(reason));
         }
         match (
@@ -205,11 +208,11 @@ impl Client {
             drive,
         ) {
             (Ok(()), _) => {}
-            (Err(Ordered::One(order)), Some(drive)) => {
+            (Err(RequestedOrder::One(order)), Some(drive)) => {
                 let manner = if presses_stop(&call.ask) {
-                    Manner::Once
+                    OrderManner::Once
                 } else {
-                    Manner::Cyclic
+                    OrderManner::Cyclic
                 };
                 let result = self.order(now, call.ticket, drive, order, manner);
                 self.expect(now, machine, call, vec![(call.ticket, result)]);
@@ -227,20 +230,24 @@ impl Client {
         &self,
         now: MonoTime,
         ticket: Ticket,
-        drive: Drive<'_>,
+        drive: UnitDrive<'_>,
         order: Order,
-        manner: Manner,
-    ) -> Result<(), Full> {
+        manner: OrderManner,
+    ) -> Result<(), InboxFull> {
         let place = drive.shared.description.place;
         let command = self.command_for(now, ticket, place, order.clone(), manner);
         drive
             .inbox
-            .put(Message::Command(command))
-            .inspect_err(|Full| self.found_no_room(place, order))
+            .put(LineMessage::Command(command))
+            .inspect_err(|InboxFull| self.found_no_room(place, order))
     }
 
     /// Sends a stop to each drive of this listener that has control. Each line finds its stops together.
-    fn stop_all(&self, now: MonoTime, machine: &mut Connection) -> Vec<(Ticket, Result<(), Full>)> {
+    fn stop_all(
+        &self,
+        now: MonoTime,
+        machine: &mut ModbusConnection,
+    ) -> Vec<(Ticket, Result<(), InboxFull>)> {
         let router = self.router();
         let order = Order::Stop { setpoint: None };
         let places = router
@@ -255,7 +262,7 @@ impl Client {
                         machine.fresh_ticket(),
                         place,
                         order.clone(),
-                        Manner::Once,
+                        OrderManner::Once,
                     ),
                 )
             })
@@ -266,10 +273,10 @@ impl Client {
             .collect();
         let taken = router.shared().put_together(commands);
         let result = |((place, ticket), is_taken)| {
-            let result = if is_taken { Ok(()) } else { Err(Full) };
+            let result = if is_taken { Ok(()) } else { Err(InboxFull) };
             (
                 ticket,
-                result.inspect_err(|Full| self.found_no_room(place, order.clone())),
+                result.inspect_err(|InboxFull| self.found_no_room(place, order.clone())),
             )
         };
         given.into_iter().zip(taken).map(result).collect()
@@ -281,7 +288,7 @@ impl Client {
         ticket: Ticket,
         place: DriveRef,
         order: Order,
-        manner: Manner,
+        manner: OrderManner,
     ) -> CommandRequest {
         self.known_until.set(MonoTime::NEVER);
         CommandRequest {
@@ -306,7 +313,7 @@ impl Client {
             let owner = self.origin.get().owner;
             let report = Report::refused(Reason::QueueFull);
             self.keeper
-                .keep(Some(place), owner, Tried::Order(order), report);
+                .keep(Some(place), owner, TriedWrite::Order(order), report);
         }
     }
 
@@ -315,9 +322,9 @@ impl Client {
     fn expect(
         &self,
         now: MonoTime,
-        machine: &mut Connection,
-        call: &Call,
-        given: Vec<(Ticket, Result<(), Full>)>,
+        machine: &mut ModbusConnection,
+        call: &UnitCall,
+        given: Vec<(Ticket, Result<(), InboxFull>)>,
     ) {
         if given.is_empty() {
             return machine.refuse(now, call, tried_of(call), Report::refused(Reason::ReadOnly));
@@ -329,7 +336,7 @@ impl Client {
             .filter_map(|(ticket, result)| result.ok().map(|()| ticket))
             .collect();
         if let (true, Some(code)) = (out.is_empty(), worst) {
-            return machine.answer(now, call.ticket, Answer::Exception(code));
+            return machine.answer(now, call.ticket, ModbusAnswer::Exception(code));
         }
         let read = read_behind(call);
         self.commands
@@ -338,22 +345,22 @@ impl Client {
     }
 
     /// Processes news from a line.
-    pub(super) fn hear(&self, now: MonoTime, news: &News) {
+    pub(super) fn hear(&self, now: MonoTime, news: &LineNews) {
         match news {
-            News::Native(answer) => {
+            LineNews::Native(answer) => {
                 self.machine.borrow_mut().answer(
                     now,
                     answer.ticket,
                     native::answer_of(&answer.outcome),
                 );
             }
-            News::Command(answer) => self.hear_command(now, answer),
-            News::Trip(..) | News::Events { .. } => {}
+            LineNews::Command(answer) => self.hear_command(now, answer),
+            LineNews::Trip(..) | LineNews::Events { .. } => {}
         }
     }
 
     fn hear_command(&self, now: MonoTime, answer: &CommandAnswer) {
-        let Some(Ended {
+        let Some(EndedCall {
             call,
             exception,
             read,
@@ -366,18 +373,18 @@ impl Client {
             return machine.answer(
                 now,
                 call,
-                exception.map_or(Answer::Written, Answer::Exception),
+                exception.map_or(ModbusAnswer::Written, ModbusAnswer::Exception),
             );
         };
         let router = self.router();
-        let Some(Target::Uniform(drive)) = router.find(read.unit) else {
+        let Some(UnitTarget::Uniform(drive)) = router.find(read.unit) else {
             return machine.answer(
                 now,
                 call,
-                Answer::Exception(exception::SERVER_DEVICE_FAILURE),
+                ModbusAnswer::Exception(exception::SERVER_DEVICE_FAILURE),
             );
         };
-        let mut words = Words::default();
+        let mut words = WordBuffer::default();
         let view = drive.shared.view.load();
         let present = self.present(now);
         let taken = drive
@@ -388,7 +395,7 @@ impl Client {
     }
 
     /// Renews the lease that this client holds. The answer is not waited for.
-    fn renew(&self, now: MonoTime, machine: &mut Connection, drive: Drive<'_>) {
+    fn renew(&self, now: MonoTime, machine: &mut ModbusConnection, drive: UnitDrive<'_>) {
         let view = drive.shared.view.load();
         let lease = view.control.as_ref().and_then(|control| control.lease);
         if lease.is_none_or(|(owner, _)| owner != self.origin.get().owner) {
@@ -407,7 +414,7 @@ impl Client {
                 machine.fresh_ticket(),
                 drive,
                 Order::Renew,
-                Manner::Cyclic,
+                OrderManner::Cyclic,
             )
             .is_ok()
         {
@@ -415,8 +422,8 @@ impl Client {
         }
     }
 
-    fn present(&self, now: MonoTime) -> Present {
-        Present {
+    fn present(&self, now: MonoTime) -> RequestContext {
+        RequestContext {
             now,
             uptime_s: self.router().uptime_s(now),
             owner: self.origin.get().owner,
@@ -426,14 +433,14 @@ impl Client {
 }
 
 /// What a call tries to write, as text; `None` if it does not write.
-fn tried_of(call: &Call) -> Option<Tried> {
+fn tried_of(call: &UnitCall) -> Option<TriedWrite> {
     call.ask.writes().then(|| call.ask.tried(call.unit))
 }
 
 /// What is read once the order in `call` is answered.
-const fn read_behind(call: &Call) -> Option<ReadBehind> {
+const fn read_behind(call: &UnitCall) -> Option<ReadBehind> {
     match call.ask {
-        Ask::ReadWriteWords {
+        ModbusRequest::ReadWriteWords {
             read_address,
             read_count,
             ..

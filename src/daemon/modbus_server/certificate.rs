@@ -15,7 +15,7 @@ const DIGEST_DIGITS: usize = 16;
 
 /// What a client's certificate says about it.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Certificate {
+pub(super) struct CertifiedClient {
     /// A name for the subject. The same for all certificates with that subject, and for no others.
     pub name: CommanderName,
     /// The role; empty if there is none.
@@ -24,7 +24,7 @@ pub(super) struct Certificate {
 
 /// Why a certificate cannot be used although its authority is trusted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub(super) enum Unusable {
+pub(super) enum UnusableCertificate {
     /// It cannot be read.
     #[error("its certificate cannot be read")]
     Unreadable,
@@ -41,21 +41,22 @@ pub(super) enum Unusable {
     RoleType,
 }
 
-impl Certificate {
+impl CertifiedClient {
     /// Reads the certificate `der`, which must have been verified before.
     ///
     /// # Errors
     /// Why it cannot be used.
-    pub fn read(der: &[u8]) -> Result<Self, Unusable> {
-        let (_, certificate) = X509Certificate::from_der(der).map_err(|_| Unusable::Unreadable)?;
+    pub fn read(der: &[u8]) -> Result<Self, UnusableCertificate> {
+        let (_, certificate) =
+            X509Certificate::from_der(der).map_err(|_| UnusableCertificate::Unreadable)?;
         let mut roles = certificate
             .extensions()
             .iter()
             .filter(|extension| extension.oid == ROLE);
         let role = match (roles.next(), roles.next()) {
             (None, _) => "".into(),
-            (Some(role), None) => text(role.value).ok_or(Unusable::RoleType)?,
-            (Some(_), Some(_)) => return Err(Unusable::Roles),
+            (Some(role), None) => text(role.value).ok_or(UnusableCertificate::RoleType)?,
+            (Some(_), Some(_)) => return Err(UnusableCertificate::Roles),
         };
         Ok(Self {
             name: name(certificate.subject())?,
@@ -72,9 +73,9 @@ fn text(der: &[u8]) -> Option<Box<str>> {
 
 /// If the subject is only a common name that is a valid name, it is used as is. Any other subject gets a name with a
 /// digest of it.
-fn name(subject: &X509Name<'_>) -> Result<CommanderName, Unusable> {
+fn name(subject: &X509Name<'_>) -> Result<CommanderName, UnusableCertificate> {
     let mut attributes = subject.iter_attributes();
-    let first = attributes.next().ok_or(Unusable::NoSubject)?;
+    let first = attributes.next().ok_or(UnusableCertificate::NoSubject)?;
     let is_all = attributes.next().is_none() && *first.attr_type() == OID_X509_COMMON_NAME;
     let plain = first
         .as_str()
@@ -100,7 +101,7 @@ fn name(subject: &X509Name<'_>) -> Result<CommanderName, Unusable> {
         // Writing into a text never fails.
         let _ = write!(made, "{byte:02x}");
     }
-    CommanderName::new(&made).ok_or(Unusable::Unreadable)
+    CommanderName::new(&made).ok_or(UnusableCertificate::Unreadable)
 }
 
 /// Whether a name looks like one with a digest: such a common name must not pass for another subject.
@@ -117,11 +118,13 @@ mod tests {
     use super::*;
     use rcgen::{CertificateParams, DnType, DnValue};
 
-    fn read(edit: impl FnOnce(&mut CertificateParams)) -> Result<Certificate, Unusable> {
-        Certificate::read(Authority::new().issue(edit).certificate.der())
+    fn read(
+        edit: impl FnOnce(&mut CertificateParams),
+    ) -> Result<CertifiedClient, UnusableCertificate> {
+        CertifiedClient::read(Authority::new().issue(edit).certificate.der())
     }
 
-    fn named(attributes: &[(DnType, &str)]) -> String {
+    fn name_of_certificate(attributes: &[(DnType, &str)]) -> String {
         let certificate = read(|params| {
             for (kind, value) in attributes {
                 params.distinguished_name.push(kind.clone(), *value);
@@ -147,11 +150,11 @@ mod tests {
         assert_eq!(role_of(&[role("")]), Ok(String::new()));
         assert_eq!(
             role_of(&[role("viewer"), role("operator")]),
-            Err(Unusable::Roles)
+            Err(UnusableCertificate::Roles)
         );
         assert_eq!(
             role_of(&[role("viewer"), role("viewer")]),
-            Err(Unusable::Roles)
+            Err(UnusableCertificate::Roles)
         );
         for bytes in [
             &b""[..],
@@ -166,7 +169,7 @@ mod tests {
         ] {
             assert_eq!(
                 role_of(&[role_holding(bytes.to_vec())]),
-                Err(Unusable::RoleType),
+                Err(UnusableCertificate::RoleType),
                 "{bytes:02x?}"
             );
         }
@@ -175,7 +178,7 @@ mod tests {
     #[test]
     fn a_common_name_alone_is_the_name() {
         for name in ["scada", "plc-2.hall_1", "10.0.0.7", &"x".repeat(32)] {
-            assert_eq!(named(&[(COMMON, name)]), name);
+            assert_eq!(name_of_certificate(&[(COMMON, name)]), name);
         }
         let printable = read(|params| {
             let name = DnValue::PrintableString("scada".try_into().unwrap());
@@ -190,7 +193,8 @@ mod tests {
 
     #[test]
     fn another_subject_gets_a_name_of_its_own() {
-        let organized = named(&[(DnType::OrganizationName, "acme"), (COMMON, "scada")]);
+        let organized =
+            name_of_certificate(&[(DnType::OrganizationName, "acme"), (COMMON, "scada")]);
         let (common, digits) = organized.rsplit_once('.').unwrap();
         assert_eq!((common, digits.len()), ("scada", 16), "{organized}");
         let subjects = [
@@ -205,17 +209,26 @@ mod tests {
             vec![(COMMON, "")],
             vec![(DnType::OrganizationName, "scada")],
         ];
-        let names: std::collections::BTreeSet<_> =
-            subjects.iter().map(|subject| named(subject)).collect();
+        let names: std::collections::BTreeSet<_> = subjects
+            .iter()
+            .map(|subject| name_of_certificate(subject))
+            .collect();
         assert_eq!(names.len(), subjects.len(), "{names:?}");
-        assert_eq!(named(&subjects[1]), organized, "the same each time");
+        assert_eq!(
+            name_of_certificate(&subjects[1]),
+            organized,
+            "the same each time"
+        );
     }
 
     #[test]
     fn what_says_nothing_is_refused() {
-        assert_eq!(read(|_| {}), Err(Unusable::NoSubject));
+        assert_eq!(read(|_| {}), Err(UnusableCertificate::NoSubject));
         for bytes in [&b""[..], b"\x30\x00", b"no certificate"] {
-            assert_eq!(Certificate::read(bytes), Err(Unusable::Unreadable));
+            assert_eq!(
+                CertifiedClient::read(bytes),
+                Err(UnusableCertificate::Unreadable)
+            );
         }
     }
 }

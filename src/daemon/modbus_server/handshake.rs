@@ -1,8 +1,8 @@
 //! TLS handshakes: concurrent with accepting, bounded in number and time.
 
-use super::certificate::Certificate;
+use super::certificate::CertifiedClient;
 use super::receive;
-use super::security::Security;
+use super::security::ListenerSecurity;
 use super::stream::{READ_BYTES, SecuredStream};
 use crate::domain::ids::AskerId;
 use rustls::{CertificateError, Error};
@@ -20,10 +20,10 @@ pub(super) const HANDSHAKE_MAX: Duration = Duration::from_secs(5);
 pub(super) const HANDSHAKES_MAX: usize = 64;
 
 /// A client that has authenticated itself.
-pub(super) struct Shaken {
+pub(super) struct AuthenticatedClient {
     pub source: OwnedReadHalf,
     pub stream: SecuredStream,
-    pub certificate: Certificate,
+    pub certificate: CertifiedClient,
 }
 
 /// Performs the handshake of a connection.
@@ -33,8 +33,8 @@ pub(super) struct Shaken {
 pub(super) async fn shake(
     mut source: OwnedReadHalf,
     socket: OwnedWriteHalf,
-    security: &Security,
-) -> Result<Shaken, String> {
+    security: &ListenerSecurity,
+) -> Result<AuthenticatedClient, String> {
     let session = security.session().map_err(|error| error.to_string())?;
     let stream = SecuredStream::new(socket, session);
     match tokio::time::timeout(HANDSHAKE_MAX, finish(&mut source, &stream)).await {
@@ -46,11 +46,11 @@ pub(super) async fn shake(
             ));
         }
     }
-    let certificate = stream.with_certificate(Certificate::read);
+    let certificate = stream.with_certificate(CertifiedClient::read);
     let certificate = certificate
         .ok_or("the client presented no certificate")?
         .map_err(|error| error.to_string())?;
-    Ok(Shaken {
+    Ok(AuthenticatedClient {
         source,
         stream,
         certificate,
@@ -128,7 +128,7 @@ fn certificate_reason(wrong: &CertificateError) -> String {
 
 /// The handshakes that are under way.
 #[derive(Debug, Default)]
-pub(super) struct Handshakes {
+pub(super) struct PendingHandshakes {
     under_way: RefCell<VecDeque<UnderWay>>,
 }
 
@@ -139,7 +139,7 @@ struct UnderWay {
     task: AbortHandle,
 }
 
-impl Handshakes {
+impl PendingHandshakes {
     /// The number of handshakes under way.
     #[cfg(test)]
     pub fn len(&self) -> usize {

@@ -1,8 +1,8 @@
 //! What a listener grants, and where its units lead to. Both may change while its connections stay open.
 
-use super::security::Security;
+use super::security::ListenerSecurity;
 use crate::config::ListenerSettings;
-use crate::daemon::exchange::router::Router;
+use crate::daemon::exchange::router::UnitRouter;
 use crate::daemon::exchange::totals::ReadTotals;
 use crate::domain::command::Rights;
 use crate::domain::ids::CommanderName;
@@ -16,19 +16,19 @@ use std::time::Duration;
 
 /// A listener as it is configured at present.
 #[derive(Debug)]
-pub struct Listener {
+pub struct ModbusListener {
     /// `None` if it was removed.
     settings: RefCell<Option<ListenerSettings>>,
-    router: RefCell<Arc<Router>>,
+    router: RefCell<Arc<UnitRouter>>,
     /// `None` if connections are not encrypted.
-    security: RefCell<Option<Rc<Security>>>,
+    security: RefCell<Option<Rc<ListenerSecurity>>>,
     room: OnceCell<RoomId>,
     reads: Arc<ReadTotals>,
 }
 
 /// What a listener grants to a client.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Granted {
+pub(super) struct ListenerGrant {
     /// Whether requests are answered at all.
     pub may_ask: bool,
     pub rights: Rights,
@@ -38,25 +38,33 @@ pub(super) struct Granted {
     pub idle_timeout: Option<Duration>,
 }
 
-impl Listener {
+impl ModbusListener {
     /// A listener with these settings, whose units `router` routes. `security` is what was read for the settings' TLS.
     #[must_use]
-    pub fn new(settings: ListenerSettings, router: Router, security: Option<Security>) -> Rc<Self> {
+    pub fn new(
+        settings: ListenerSettings,
+        router: UnitRouter,
+        security: Option<ListenerSecurity>,
+    ) -> Rc<Self> {
         let name = settings.listen.to_string();
         Self::called(name, settings, router, security)
     }
 
     /// A listener for the serial master `name`.
     #[must_use]
-    pub fn of_master(name: CommanderName, settings: ListenerSettings, router: Router) -> Rc<Self> {
+    pub fn of_master(
+        name: CommanderName,
+        settings: ListenerSettings,
+        router: UnitRouter,
+    ) -> Rc<Self> {
         Self::called(name.to_string(), settings, router, None)
     }
 
     fn called(
         name: String,
         settings: ListenerSettings,
-        router: Router,
-        security: Option<Security>,
+        router: UnitRouter,
+        security: Option<ListenerSecurity>,
     ) -> Rc<Self> {
         Rc::new(Self {
             reads: Arc::new(ReadTotals::new(name)),
@@ -68,7 +76,12 @@ impl Listener {
     }
 
     /// Replaces its settings.
-    pub fn change(&self, settings: ListenerSettings, router: Router, security: Option<Security>) {
+    pub fn change(
+        &self,
+        settings: ListenerSettings,
+        router: UnitRouter,
+        security: Option<ListenerSecurity>,
+    ) {
         self.settings.replace(Some(settings));
         self.router.replace(Arc::new(router));
         self.security.replace(security.map(Rc::new));
@@ -80,7 +93,7 @@ impl Listener {
     }
 
     /// Where its units lead to.
-    pub fn router(&self) -> Arc<Router> {
+    pub fn router(&self) -> Arc<UnitRouter> {
         Arc::clone(&self.router.borrow())
     }
 
@@ -91,12 +104,12 @@ impl Listener {
     }
 
     /// The TLS of new connections; `None` if they are not encrypted.
-    pub(super) fn security(&self) -> Option<Rc<Security>> {
+    pub(super) fn security(&self) -> Option<Rc<ListenerSecurity>> {
         self.security.borrow().clone()
     }
 
     /// Whether a connection that was accepted with `security` may continue: only if it would still be accepted.
-    pub(super) fn goes_on(&self, security: Option<&Security>) -> bool {
+    pub(super) fn goes_on(&self, security: Option<&ListenerSecurity>) -> bool {
         match (self.security.borrow().as_deref(), security) {
             (None, None) => true,
             (Some(now), Some(then)) => now.trusts_as(then),
@@ -115,7 +128,7 @@ impl Listener {
     }
 
     /// What a client at `peer` is granted, with the `role` of its certificate if it presented one.
-    pub(super) fn grants(&self, peer: IpAddr, role: Option<&str>) -> Granted {
+    pub(super) fn grants(&self, peer: IpAddr, role: Option<&str>) -> ListenerGrant {
         let settings = self.settings.borrow();
         let rights = settings.as_ref().and_then(|it| {
             let by_address = access::rights_of(peer, &it.write, it.stop.as_deref());
@@ -125,7 +138,7 @@ impl Listener {
                 _ => None,
             }
         });
-        Granted {
+        ListenerGrant {
             may_ask: rights.is_some(),
             rights: rights.unwrap_or(Rights::NONE),
             reads_renew: settings.as_ref().is_some_and(|it| it.reads_renew),

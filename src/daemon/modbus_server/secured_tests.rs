@@ -5,7 +5,7 @@ use super::issuing::{Authority, Files, Issued, role, role_holding};
 use super::tests::{EVERY_LINE, Kept, Plant, answer, ask, send, shared};
 use super::*;
 use crate::config::{ListenerSettings, ListenerTls};
-use crate::daemon::exchange::router::Units;
+use crate::daemon::exchange::router::UniformUnits;
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::ids::CommanderName;
 use crate::wire::mbap;
@@ -37,8 +37,8 @@ struct Secured {
     clients: Authority,
     files: Files,
     settings: ListenerSettings,
-    listener: Rc<Listener>,
-    server: Rc<Server>,
+    listener: Rc<ModbusListener>,
+    server: Rc<ModbusServer>,
     totals: Arc<ModbusTotals>,
     kept: Arc<Kept>,
 }
@@ -57,7 +57,7 @@ impl Secured {
         let clients = Authority::new();
         let files = Files::new();
         let tls = files.listener(&own, &clients);
-        let security = Security::read(&tls).unwrap();
+        let security = ListenerSecurity::read(&tls).unwrap();
         let write = vec!["127.0.0.0/8".parse().unwrap()];
         let settings = ListenerSettings {
             write,
@@ -68,10 +68,11 @@ impl Secured {
         let shared = shared();
         let answers = Arc::<AnswerBox>::default();
         let address = socket.local_addr().unwrap();
-        let listener = Listener::new(settings.clone(), router(&settings, &shared), Some(security));
+        let listener =
+            ModbusListener::new(settings.clone(), router(&settings, &shared), Some(security));
         let totals = Arc::<ModbusTotals>::default();
         let kept = Arc::<Kept>::default();
-        let server = Rc::new(Server::new(
+        let server = Rc::new(ModbusServer::new(
             Arc::clone(&totals),
             Some(Arc::clone(&kept) as _),
         ));
@@ -141,7 +142,7 @@ impl Secured {
         let security = settings
             .tls
             .as_ref()
-            .map(|tls| Security::read(tls).unwrap());
+            .map(|tls| ListenerSecurity::read(tls).unwrap());
         let router = router(&settings, &self.plant.shared);
         self.listener.change(settings, router, security);
         self.server.review();
@@ -149,7 +150,7 @@ impl Secured {
 
     /// Why the gateway refuses this client.
     async fn refusal(&self, config: &Arc<ClientConfig>) -> String {
-        let security = Security::read(self.tls()).unwrap();
+        let security = ListenerSecurity::read(self.tls()).unwrap();
         let socket = TcpListener::bind(EVERY_LINE.listen).await.unwrap();
         let stream = TcpStream::connect(socket.local_addr().unwrap())
             .await
@@ -171,9 +172,9 @@ impl Secured {
 
 fn router(
     settings: &ListenerSettings,
-    shared: &Arc<crate::daemon::exchange::shared::Shared>,
-) -> Router {
-    Router::new(settings, Units::new(shared))
+    shared: &Arc<crate::daemon::exchange::shared::SharedPlant>,
+) -> UnitRouter {
+    UnitRouter::new(settings, UniformUnits::new(shared))
 }
 
 fn name() -> ServerName<'static> {
@@ -205,7 +206,7 @@ fn the_role_says_what_the_owner_may() {
                 Origin {
                     owner,
                     rights,
-                    manner: Manner::Cyclic
+                    manner: OrderManner::Cyclic
                 },
                 "{role}"
             );
@@ -549,7 +550,7 @@ fn files_that_cannot_be_used_are_named_all_at_once() {
         client_ca_file: files.write("empty.pem", ""),
         ..tls.clone()
     };
-    let what = Security::read(&missing).unwrap_err();
+    let what = ListenerSecurity::read(&missing).unwrap_err();
     for part in [
         "/nowhere/own.pem: No such file".to_owned(),
         format!("{}: it contains no private key", tls.cert_file.display()),
@@ -558,11 +559,11 @@ fn files_that_cannot_be_used_are_named_all_at_once() {
         assert!(what.contains(&part), "{part} / {what}");
     }
     let foreign = files.write("foreign.key", &own.issue(|_| {}).key.serialize_pem());
-    let what = Security::read(&ListenerTls {
+    let what = ListenerSecurity::read(&ListenerTls {
         key_file: foreign,
         ..tls.clone()
     })
     .unwrap_err();
     assert!(what.contains("it does not match the key"), "{what}");
-    assert!(Security::read(&tls).is_ok());
+    assert!(ListenerSecurity::read(&tls).is_ok());
 }

@@ -1,6 +1,6 @@
 //! Modbus Security: a listener's certificate, and the authorities it trusts.
 
-use super::certificate::Certificate;
+use super::certificate::CertifiedClient;
 use crate::config::ListenerTls;
 use crate::daemon::host::pem_files::{certificates, key};
 use rustls::client::danger::HandshakeSignatureValid;
@@ -19,12 +19,12 @@ const ENCRYPTED_MAX: usize = 8 * 1024;
 
 /// A listener's certificate, and the authorities it trusts.
 #[derive(Debug)]
-pub struct Security {
+pub struct ListenerSecurity {
     config: Arc<ServerConfig>,
     authorities: Vec<CertificateDer<'static>>,
 }
 
-impl Security {
+impl ListenerSecurity {
     /// Reads the files that `tls` names.
     ///
     /// # Errors
@@ -37,7 +37,7 @@ impl Security {
         );
         match (chain, key, authorities) {
             (Ok(chain), Ok(key), Ok(authorities)) => {
-                let verifier = Verifier::trusting(&authorities)
+                let verifier = ClientVerifier::trusting(&authorities)
                     .map_err(|error| format!("{}: {error}", tls.client_ca_file.display()))?;
                 // The provider is named, so that it does not matter what other parts of the process install.
                 let mut config =
@@ -95,9 +95,9 @@ fn own(tls: &ListenerTls, error: &Error) -> String {
 
 /// Trusts the clients of some authorities, if their certificates identify them unambiguously.
 #[derive(Debug)]
-struct Verifier(Arc<dyn ClientCertVerifier>);
+struct ClientVerifier(Arc<dyn ClientCertVerifier>);
 
-impl Verifier {
+impl ClientVerifier {
     fn trusting(authorities: &[CertificateDer<'static>]) -> Result<Self, String> {
         let mut roots = RootCertStore::empty();
         for authority in authorities {
@@ -113,7 +113,7 @@ impl Verifier {
     }
 }
 
-impl ClientCertVerifier for Verifier {
+impl ClientCertVerifier for ClientVerifier {
     fn root_hint_subjects(&self) -> &[DistinguishedName] {
         self.0.root_hint_subjects()
     }
@@ -126,7 +126,7 @@ impl ClientCertVerifier for Verifier {
     ) -> Result<ClientCertVerified, Error> {
         let verified = self.0.verify_client_cert(end_entity, intermediates, now)?;
         // Here and not later, so that the client is refused in the handshake.
-        match Certificate::read(end_entity) {
+        match CertifiedClient::read(end_entity) {
             Ok(_) => Ok(verified),
             Err(unusable) => Err(Error::InvalidCertificate(CertificateError::Other(
                 OtherError(Arc::new(unusable)),

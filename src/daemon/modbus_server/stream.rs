@@ -2,7 +2,7 @@
 
 use crate::domain::command::Owner;
 use crate::domain::ids::CommanderName;
-use crate::north::modbus::{Connection, Limits};
+use crate::north::modbus::{ConnectionLimits, ModbusConnection};
 use rustls::ServerConnection;
 use std::cell::RefCell;
 use std::io::{self, IoSlice, Read, Write};
@@ -17,20 +17,20 @@ pub(super) const READ_BYTES: usize = 512;
 
 /// The stream to a client. Its raw bytes are read elsewhere.
 #[derive(Debug)]
-pub(super) enum Stream {
+pub(super) enum ClientStream {
     /// Plain.
     Plain(OwnedWriteHalf),
     /// Plain, to a tool in this process.
     Tool(unix::OwnedWriteHalf),
     /// Plain, to the thread of a serial port.
-    Master(unix::OwnedWriteHalf, Master),
+    Master(unix::OwnedWriteHalf, PortMaster),
     /// Through TLS.
     Secured(Box<SecuredStream>),
 }
 
 /// The master at a serial port.
 #[derive(Clone, Copy, Debug)]
-pub struct Master {
+pub struct PortMaster {
     /// Its name, by which it owns control.
     pub name: CommanderName,
     /// How long it waits.
@@ -44,15 +44,15 @@ pub(super) struct SecuredStream {
     session: RefCell<ServerConnection>,
 }
 
-impl Stream {
+impl ClientStream {
     /// What the client may use.
-    pub fn limits(&self) -> Limits {
+    pub fn limits(&self) -> ConnectionLimits {
         match self {
-            Self::Master(_, master) => Limits {
+            Self::Master(_, master) => ConnectionLimits {
                 read_within: master.answer_within,
-                ..Limits::default()
+                ..ConnectionLimits::default()
             },
-            _ => Limits::default(),
+            _ => ConnectionLimits::default(),
         }
     }
 
@@ -82,7 +82,7 @@ impl Stream {
     ///
     /// # Errors
     /// The socket's.
-    pub fn flush(&self, machine: &mut Connection) -> io::Result<()> {
+    pub fn flush(&self, machine: &mut ModbusConnection) -> io::Result<()> {
         match self {
             Self::Plain(socket) => write_output(machine, |bytes| socket.try_write(bytes)),
             Self::Tool(socket) | Self::Master(socket, _) => {
@@ -124,7 +124,7 @@ impl Stream {
 
 /// Writes as much of the output of `machine` as `try_write` takes.
 fn write_output(
-    machine: &mut Connection,
+    machine: &mut ModbusConnection,
     try_write: impl Fn(&[u8]) -> io::Result<usize>,
 ) -> io::Result<()> {
     while !machine.output().is_empty() {
@@ -202,7 +202,7 @@ impl SecuredStream {
     }
 
     /// Little is encrypted in advance, so that a client that does not read costs no more memory than one without TLS.
-    fn flush(&self, machine: &mut Connection) -> io::Result<()> {
+    fn flush(&self, machine: &mut ModbusConnection) -> io::Result<()> {
         loop {
             if !machine.output().is_empty() {
                 let taken = self.session.borrow_mut().writer().write(machine.output())?;
@@ -219,7 +219,7 @@ impl SecuredStream {
     fn send(&self) -> io::Result<()> {
         let mut session = self.session.borrow_mut();
         while session.wants_write() {
-            match session.write_tls(&mut Socket(&self.socket)) {
+            match session.write_tls(&mut NonblockingSocket(&self.socket)) {
                 Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
                 Ok(_) => {}
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
@@ -242,9 +242,9 @@ fn feed(session: &mut ServerConnection, bytes: &mut &[u8]) -> io::Result<()> {
 }
 
 /// A socket whose writes do not block.
-struct Socket<'s>(&'s OwnedWriteHalf);
+struct NonblockingSocket<'s>(&'s OwnedWriteHalf);
 
-impl Write for Socket<'_> {
+impl Write for NonblockingSocket<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.0.try_write(bytes)
     }

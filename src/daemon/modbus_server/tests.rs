@@ -4,8 +4,8 @@ use super::*;
 use crate::config::ListenerSettings;
 use crate::daemon::exchange::inbox::{COMMANDS_MAX, INBOX_MAX};
 use crate::daemon::exchange::north_journal::NorthJournal;
-use crate::daemon::exchange::router::Units;
-use crate::daemon::exchange::shared::Shared;
+use crate::daemon::exchange::router::UniformUnits;
+use crate::daemon::exchange::shared::SharedPlant;
 use crate::daemon::testing::Sleeper;
 use crate::domain::command::{CommandAnswer, Outcome, Reason, Report};
 use crate::domain::command::{CommandRequest, Order, Rights};
@@ -17,10 +17,10 @@ use crate::domain::link::Interface;
 use crate::domain::native::{NativeAnswer, NativeAsk, NativeOutcome, NativeRequest};
 use crate::domain::report::LineReport;
 use crate::domain::standby::{LineRole, StandbyReport, StandbyTrouble};
-use crate::drive::description::{DriveDescription, DriveRef, Points};
-use crate::drive::snapshot::Presence;
+use crate::drive::description::{DriveDescription, DriveRef, PointSettings};
+use crate::drive::snapshot::DrivePresence;
 use crate::drive::view::{ControlView, DriveView};
-use crate::journal::Attempt;
+use crate::journal::WriteAttempt;
 use crate::vendors;
 use crate::wire::mbap;
 use std::net::Ipv4Addr;
@@ -47,7 +47,7 @@ pub(super) const EVERY_LINE: ListenerSettings = ListenerSettings {
 /// A server with two lines of two drives each, on units 1 to 4 and 101 to 104, of which the first of each line has
 /// control. The lines have no threads: the test reads their inboxes.
 pub(super) struct Plant {
-    pub(super) shared: Arc<Shared>,
+    pub(super) shared: Arc<SharedPlant>,
     pub(super) answers: Arc<AnswerBox>,
     pub(super) address: SocketAddr,
 }
@@ -72,12 +72,12 @@ fn control() -> ControlView {
     }
 }
 
-pub(super) fn shared() -> Arc<Shared> {
+pub(super) fn shared() -> Arc<SharedPlant> {
     shared_with(|number| number.is_multiple_of(2))
 }
 
 /// The same with control for other drives.
-fn shared_with(has_control: impl Fn(u8) -> bool) -> Arc<Shared> {
+fn shared_with(has_control: impl Fn(u8) -> bool) -> Arc<SharedPlant> {
     let catalog = vendors::catalog();
     let model = catalog.find("hyundai-n700").unwrap();
     let drives = (0..4_u8).map(|number| DriveDescription {
@@ -91,13 +91,13 @@ fn shared_with(has_control: impl Fn(u8) -> bool) -> Arc<Shared> {
         unit: UnitId::new(1 + number).unwrap(),
         uniform_unit: UnitId::new(101 + number).unwrap(),
         group: None,
-        pace: crate::drive::plan::Pace::new(Duration::from_secs(60), 1.0),
-        ratings: crate::drive::description::Ratings::default(),
+        pace: crate::drive::plan::PollPace::new(Duration::from_secs(60), 1.0),
+        ratings: crate::drive::description::DriveRatings::default(),
         control: has_control(number).then(|| Arc::new(settings())),
-        points: Points::default(),
+        points: PointSettings::default(),
     });
     let line = |text| (name(text), Interface::Rs485);
-    let shared = Shared::new(vec![line("hall-1"), line("hall-2")], drives.collect());
+    let shared = SharedPlant::new(vec![line("hall-1"), line("hall-2")], drives.collect());
     for drive in &shared.drives {
         show(drive, None);
     }
@@ -109,7 +109,7 @@ fn show(drive: &crate::daemon::exchange::shared::SharedDrive, lease: Option<(Own
         line_is_up: true,
         ..DriveView::default()
     };
-    view.snapshot.presence = Presence::Online;
+    view.snapshot.presence = DrivePresence::Online;
     view.control = drive
         .description
         .control
@@ -120,10 +120,10 @@ fn show(drive: &crate::daemon::exchange::shared::SharedDrive, lease: Option<(Own
 
 /// Keeps attempts that reached no line.
 #[derive(Debug, Default)]
-pub(super) struct Kept(std::sync::Mutex<Vec<(Option<DriveRef>, Attempt)>>);
+pub(super) struct Kept(std::sync::Mutex<Vec<(Option<DriveRef>, WriteAttempt)>>);
 
 impl NorthJournal for Kept {
-    fn keep(&self, drive: Option<DriveRef>, attempt: Attempt) {
+    fn keep(&self, drive: Option<DriveRef>, attempt: WriteAttempt) {
         self.0.lock().unwrap().push((drive, attempt));
     }
 
@@ -133,7 +133,7 @@ impl NorthJournal for Kept {
 }
 
 impl Kept {
-    pub(super) fn take(&self) -> Vec<(Option<DriveRef>, Attempt)> {
+    pub(super) fn take(&self) -> Vec<(Option<DriveRef>, WriteAttempt)> {
         std::mem::take(&mut *self.0.lock().unwrap())
     }
 }
@@ -154,7 +154,7 @@ pub(super) fn play_with<F: Future<Output = ()>>(
 }
 
 fn play_on<F: Future<Output = ()>>(
-    shared: Arc<Shared>,
+    shared: Arc<SharedPlant>,
     settings: ListenerSettings,
     journal: Journal,
     test: impl FnOnce(Plant, TcpStream) -> F,
@@ -167,10 +167,10 @@ fn play_on<F: Future<Output = ()>>(
         let listener = TcpListener::bind(settings.listen).await.unwrap();
         let address = listener.local_addr().unwrap();
         let answers = Arc::new(AnswerBox::default());
-        let router = Router::new(&settings, Units::new(&shared));
-        let server = Rc::new(Server::new(Arc::default(), journal));
+        let router = UnitRouter::new(&settings, UniformUnits::new(&shared));
+        let server = Rc::new(ModbusServer::new(Arc::default(), journal));
         tokio::task::spawn_local(
-            Rc::clone(&server).listen(listener, Listener::new(settings, router, None)),
+            Rc::clone(&server).listen(listener, ModbusListener::new(settings, router, None)),
         );
         tokio::task::spawn_local(server.distribute(Arc::clone(&answers)));
         let stream = TcpStream::connect(address).await.unwrap();
@@ -234,7 +234,7 @@ impl Plant {
             let mut batch = Vec::new();
             self.shared.lines[line].inbox.take(&mut batch);
             got.extend(batch.into_iter().filter_map(|message| match message {
-                Message::Command(command) => Some(command),
+                LineMessage::Command(command) => Some(command),
                 _ => None,
             }));
         }
@@ -248,7 +248,7 @@ impl Plant {
             let mut batch = Vec::new();
             self.shared.lines[line].inbox.take(&mut batch);
             let native = batch.into_iter().find_map(|message| match message {
-                Message::Native(request) | Message::NativeStop(request) => Some(request),
+                LineMessage::Native(request) | LineMessage::NativeStop(request) => Some(request),
                 _ => None,
             });
             if let Some(request) = native {
@@ -262,7 +262,7 @@ impl Plant {
         for _ in 0..INBOX_MAX + COMMANDS_MAX {
             self.shared.lines[line]
                 .inbox
-                .put(Message::AskerGone(AskerId(99)))
+                .put(LineMessage::AskerGone(AskerId(99)))
                 .unwrap();
         }
     }
@@ -281,7 +281,7 @@ impl Plant {
             report,
             is_final,
         };
-        self.answers.put(&mut vec![News::Command(answer)]);
+        self.answers.put(&mut vec![LineNews::Command(answer)]);
     }
 }
 
@@ -346,7 +346,7 @@ fn a_native_request_goes_to_its_line_and_comes_back() {
             ticket: request.ticket,
             outcome,
         };
-        plant.answers.put(&mut vec![News::Native(news)]);
+        plant.answers.put(&mut vec![LineNews::Native(news)]);
         assert_eq!(answer(&mut stream).await, (9, 4, vec![4, 2, 0x17, 0x70]));
     });
 }
@@ -374,7 +374,7 @@ fn a_uniform_write_is_a_command_and_answered_by_its_report() {
             );
             assert_eq!(
                 (command.drive, command.origin.manner),
-                (DriveIndex(0), Manner::Cyclic)
+                (DriveIndex(0), OrderManner::Cyclic)
             );
             plant.tell(&command, report, true);
             assert_eq!(answer(&mut stream).await, (7, 103, right));
@@ -533,7 +533,7 @@ fn a_full_inbox_is_busy_except_for_stops() {
                 values: vec![0]
             }
         );
-        plant.answers.put(&mut vec![News::Native(NativeAnswer {
+        plant.answers.put(&mut vec![LineNews::Native(NativeAnswer {
             asker,
             ticket,
             outcome: NativeOutcome::Written,
@@ -572,15 +572,15 @@ fn renewing() -> ListenerSettings {
 async fn client(
     plant: &Plant,
     settings: ListenerSettings,
-) -> (TcpStream, Rc<Listener>, Rc<Server>) {
+) -> (TcpStream, Rc<ModbusListener>, Rc<ModbusServer>) {
     let socket = TcpListener::bind(settings.listen).await.unwrap();
     let stream = TcpStream::connect(socket.local_addr().unwrap())
         .await
         .unwrap();
     let (accepted, peer) = socket.accept().await.unwrap();
-    let router = Router::new(&settings, Units::new(&plant.shared));
-    let listener = Listener::new(settings, router, None);
-    let server = Rc::new(Server::default());
+    let router = UnitRouter::new(&settings, UniformUnits::new(&plant.shared));
+    let listener = ModbusListener::new(settings, router, None);
+    let server = Rc::new(ModbusServer::default());
     server.admit(accepted, peer, &listener);
     (stream, listener, server)
 }
@@ -594,15 +594,15 @@ fn a_connection_stays_over_a_change_and_gets_what_is_granted_now() {
         assert_eq!(ask(&mut stream, 101, &READ).await, [3, 2, 0, 1]);
         // Another plant: the second line alone, under the units of the first.
         let other = shared();
-        let moved = Shared::of(vec![Arc::clone(&other.lines[1])], Arc::default());
-        let units = Units::new(&plant.shared).changed_to(&Arc::new(moved));
+        let moved = SharedPlant::of(vec![Arc::clone(&other.lines[1])], Arc::default());
+        let units = UniformUnits::new(&plant.shared).changed_to(&Arc::new(moved));
         let settings = ListenerSettings {
             write: vec!["127.0.0.0/8".parse().unwrap()],
             ..EVERY_LINE
         };
         listener.change(
             settings.clone(),
-            Router::new(&settings, units.clone()),
+            UnitRouter::new(&settings, units.clone()),
             None,
         );
         server.review();
@@ -619,7 +619,7 @@ fn a_connection_stays_over_a_change_and_gets_what_is_granted_now() {
             other.lines[1].inbox.take(&mut batch);
         }
         assert!(
-            matches!(&batch[0], Message::Command(it) if it.origin.rights.write),
+            matches!(&batch[0], LineMessage::Command(it) if it.origin.rights.write),
             "{batch:?}"
         );
         plant.assert_untouched();
@@ -629,7 +629,7 @@ fn a_connection_stays_over_a_change_and_gets_what_is_granted_now() {
             allow: Some(vec!["10.0.0.0/8".parse().unwrap()]),
             ..EVERY_LINE
         };
-        listener.change(settings.clone(), Router::new(&settings, units), None);
+        listener.change(settings.clone(), UnitRouter::new(&settings, units), None);
         server.review();
         assert_eq!(stream.read(&mut [0; 8]).await.unwrap(), 0);
     });
@@ -767,7 +767,7 @@ fn shows_reading(drive: &crate::daemon::exchange::shared::SharedDrive, taken: u6
         line_is_up: true,
         ..DriveView::default()
     };
-    view.snapshot.presence = Presence::Online;
+    view.snapshot.presence = DrivePresence::Online;
     view.snapshot.take(0x0101_u16.into(), &[4250], now);
     view.orders.taken = taken;
     view.orders.settled_at = Some(now.before(Duration::from_secs(1)));
@@ -854,7 +854,7 @@ fn an_order_that_its_line_has_not_taken_forbids_an_answer_from_memory() {
                 let mut batch = Vec::new();
                 plant.shared.lines[0].inbox.take(&mut batch);
                 asked.extend(batch.into_iter().map(|message| match message {
-                    Message::Native(request) => (request.drive.get(), request.writes()),
+                    LineMessage::Native(request) => (request.drive.get(), request.writes()),
                     message => panic!("{message:?}"),
                 }));
             }

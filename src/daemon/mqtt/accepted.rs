@@ -1,18 +1,18 @@
 //! A connection that the broker has accepted, and what is sent on it.
 
-use super::counters::{Counters, count};
-use super::incident::{NotQueued, Terms, Unfit};
-use super::link::Sender;
-use super::window::Window;
-use crate::north::broker::{Filter, Publication, Qos};
+use super::counters::{ClientCounters, count};
+use super::incident::{BrokerTerms, NotQueued, UnfitPublication};
+use super::link::RequestSender;
+use super::window::SendWindow;
+use crate::north::broker::{Publication, Qos, SubscriptionFilter};
 use tokio::time::Instant;
 
 /// What is known about an accepted connection.
-pub struct Link {
+pub struct AcceptedLink {
     pub since: Instant,
-    pub sender: Sender,
-    pub window: Window,
-    pub terms: Terms,
+    pub sender: RequestSender,
+    pub window: SendWindow,
+    pub terms: BrokerTerms,
     /// Larger publications go one at a time, and are acknowledged.
     pub alone_above: Option<usize>,
     /// Subscriptions that the broker has not answered, and its answer to those before them.
@@ -23,13 +23,18 @@ pub struct Link {
 /// Bytes of the filters in one subscription, at most, unless one alone has more: a broker that limits packets takes that.
 const FILTERS_BYTES_MAX: usize = 400;
 
-impl Link {
+impl AcceptedLink {
     /// A connection that was accepted on these terms.
-    pub fn new(sender: Sender, since: Instant, terms: Terms, alone_above: Option<usize>) -> Self {
+    pub fn new(
+        sender: RequestSender,
+        since: Instant,
+        terms: BrokerTerms,
+        alone_above: Option<usize>,
+    ) -> Self {
         Self {
             since,
             sender,
-            window: Window::default(),
+            window: SendWindow::default(),
             terms,
             alone_above,
             unanswered: 0,
@@ -49,14 +54,14 @@ impl Link {
     pub fn publish(
         &mut self,
         mut publication: Publication,
-        counters: &Counters,
+        counters: &ClientCounters,
     ) -> Result<bool, NotQueued> {
         if let Err(unfit) = self.sender.check(&publication, &self.terms) {
             count(&counters.dropped);
             let topic = &publication.topic;
             let bytes = publication.payload.len();
             match unfit {
-                Unfit::TooLarge => {
+                UnfitPublication::TooLarge => {
                     tracing::warn!(
                         topic,
                         bytes,
@@ -64,7 +69,9 @@ impl Link {
                         "publication is too large for the broker; dropped"
                     );
                 }
-                Unfit::Topic => tracing::warn!(topic, "publication has an invalid topic; dropped"),
+                UnfitPublication::Topic => {
+                    tracing::warn!(topic, "publication has an invalid topic; dropped")
+                }
             }
             return Ok(false);
         }
@@ -82,7 +89,7 @@ impl Link {
     }
 
     /// Queues a subscription of all `filters`, in as many packets as a small limit of the broker needs.
-    pub fn subscribe(&mut self, filters: Vec<Filter>) {
+    pub fn subscribe(&mut self, filters: Vec<SubscriptionFilter>) {
         (self.unanswered, self.granted) = (0, Vec::new());
         let mut rest = filters.into_iter().peekable();
         while rest.peek().is_some() {

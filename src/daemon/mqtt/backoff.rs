@@ -20,7 +20,7 @@ pub const SETTLED_LIFE: Duration = Duration::from_secs(60);
 
 /// How a connection ended, as far as the next wait depends on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ended {
+pub enum ConnectionEnding {
     /// There was no broker.
     Away,
     /// The broker closed it, this long after it had accepted it. It is probably restarting.
@@ -54,11 +54,11 @@ impl BackOff {
     }
 
     /// The wait after a connection that ended so.
-    pub fn wait_after(&mut self, ended: Ended) -> Duration {
-        let (Ended::Closed(life)
-        | Ended::Broken(life)
-        | Ended::Contested(life)
-        | Ended::Suspected(life)) = ended
+    pub fn wait_after(&mut self, ended: ConnectionEnding) -> Duration {
+        let (ConnectionEnding::Closed(life)
+        | ConnectionEnding::Broken(life)
+        | ConnectionEnding::Contested(life)
+        | ConnectionEnding::Suspected(life)) = ended
         else {
             // The absence of the broker explains the earlier ends.
             self.broken = FIRST;
@@ -72,9 +72,9 @@ impl BackOff {
             self.contested = CONTESTED_FIRST;
         }
         match ended {
-            Ended::Contested(_) => self.doubling(|it| &mut it.contested, CONTESTED_MAX),
-            Ended::Suspected(_) => self.with_jitter(SUSPECTED_MAX),
-            Ended::Closed(_) => self.with_jitter(FIRST),
+            ConnectionEnding::Contested(_) => self.doubling(|it| &mut it.contested, CONTESTED_MAX),
+            ConnectionEnding::Suspected(_) => self.with_jitter(SUSPECTED_MAX),
+            ConnectionEnding::Closed(_) => self.with_jitter(FIRST),
             _ => self.doubling(|it| &mut it.broken, BROKEN_MAX),
         }
     }
@@ -97,7 +97,7 @@ mod tests {
 
     const SECOND: Duration = Duration::from_secs(1);
 
-    fn assert_waits(back_off: &mut BackOff, ended: Ended, all_millis: &[u64]) {
+    fn assert_waits(back_off: &mut BackOff, ended: ConnectionEnding, all_millis: &[u64]) {
         for millis in all_millis {
             let wait = back_off.wait_after(ended);
             let middle = Duration::from_millis(*millis);
@@ -113,34 +113,50 @@ mod tests {
         let mut back_off = BackOff::new(1);
         assert_waits(
             &mut back_off,
-            Ended::Broken(SECOND * 4),
+            ConnectionEnding::Broken(SECOND * 4),
             &[200, 400, 800, 1600, 3000, 3000],
         );
-        assert_waits(&mut back_off, Ended::Broken(SECOND * 5), &[200]);
+        assert_waits(&mut back_off, ConnectionEnding::Broken(SECOND * 5), &[200]);
     }
 
     #[test]
     fn a_broker_that_is_away_is_asked_for_every_second_and_explains_what_broke_before() {
         let mut back_off = BackOff::new(2);
-        assert_waits(&mut back_off, Ended::Broken(SECOND), &[200, 400, 800]);
-        assert_waits(&mut back_off, Ended::Away, &[200, 400, 800, 1000, 1000]);
-        assert_waits(&mut back_off, Ended::Broken(SECOND), &[200]);
-        assert_waits(&mut back_off, Ended::Away, &[200]);
+        assert_waits(
+            &mut back_off,
+            ConnectionEnding::Broken(SECOND),
+            &[200, 400, 800],
+        );
+        assert_waits(
+            &mut back_off,
+            ConnectionEnding::Away,
+            &[200, 400, 800, 1000, 1000],
+        );
+        assert_waits(&mut back_off, ConnectionEnding::Broken(SECOND), &[200]);
+        assert_waits(&mut back_off, ConnectionEnding::Away, &[200]);
     }
 
     #[test]
     fn a_broker_that_closes_connections_is_asked_for_at_once_whenever_it_does() {
         let mut back_off = BackOff::new(4);
-        assert_waits(&mut back_off, Ended::Broken(SECOND), &[200, 400]);
-        assert_waits(&mut back_off, Ended::Closed(SECOND), &[200, 200, 200]);
-        assert_waits(&mut back_off, Ended::Broken(SECOND), &[800]);
+        assert_waits(&mut back_off, ConnectionEnding::Broken(SECOND), &[200, 400]);
+        assert_waits(
+            &mut back_off,
+            ConnectionEnding::Closed(SECOND),
+            &[200, 200, 200],
+        );
+        assert_waits(&mut back_off, ConnectionEnding::Broken(SECOND), &[800]);
     }
 
     #[test]
     fn a_broker_that_may_only_start_again_is_asked_for_soon() {
         let mut back_off = BackOff::new(5);
-        assert_waits(&mut back_off, Ended::Suspected(SECOND), &[2000, 2000, 2000]);
-        assert_waits(&mut back_off, Ended::Contested(SECOND), &[1000]);
+        assert_waits(
+            &mut back_off,
+            ConnectionEnding::Suspected(SECOND),
+            &[2000, 2000, 2000],
+        );
+        assert_waits(&mut back_off, ConnectionEnding::Contested(SECOND), &[1000]);
     }
 
     #[test]
@@ -148,15 +164,19 @@ mod tests {
         let mut back_off = BackOff::new(3);
         assert_waits(
             &mut back_off,
-            Ended::Contested(SECOND),
+            ConnectionEnding::Contested(SECOND),
             &[1000, 2000, 4000, 8000],
         );
-        assert_waits(&mut back_off, Ended::Away, &[200]);
+        assert_waits(&mut back_off, ConnectionEnding::Away, &[200]);
         assert_waits(
             &mut back_off,
-            Ended::Contested(SECOND * 59),
+            ConnectionEnding::Contested(SECOND * 59),
             &[16_000, 30_000, 30_000],
         );
-        assert_waits(&mut back_off, Ended::Contested(SECOND * 60), &[1000]);
+        assert_waits(
+            &mut back_off,
+            ConnectionEnding::Contested(SECOND * 60),
+            &[1000],
+        );
     }
 }

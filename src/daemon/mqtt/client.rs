@@ -1,4 +1,4 @@
-//! Keeps a connection to the broker and carries messages between it and a [`Protocol`].
+//! Keeps a connection to the broker and carries messages between it and a [`BrokerConversation`].
 //!
 //! A connection is never repaired: after an error everything about it is dropped and a new one is made, with a new
 //! will, after a growing wait. Only this task touches the connection, and it never waits for room in its queue: while
@@ -9,17 +9,19 @@ mod limits;
 mod rivals;
 mod wanted;
 
-use super::accepted::Link;
-use super::counters::{Counters, count};
-use super::incident::{Broken, CONNECT_TIMEOUT, Incident, NotQueued, Received, Terms};
-use super::link::{self, Events};
+use super::accepted::AcceptedLink;
+use super::counters::{ClientCounters, count};
+use super::incident::{
+    BrokenConnection, BrokerTerms, CONNECT_TIMEOUT, ConnectionIncident, NotQueued, ReceivedMessage,
+};
+use super::link::{self, ConnectionEvents};
 use super::packet_limit::PacketLimit;
-use super::retry::Retry;
+use super::retry::RetryState;
 use super::settings::ConnectionSettings;
-use super::{Packet, Protocol, tls};
+use super::{BrokerConversation, ClientPacket, tls};
 use crate::daemon::host::clock;
-use crate::daemon::host::stall::{LOOK_EVERY, Turns};
-use crate::north::broker::{Event, Refusal};
+use crate::daemon::host::stall::{LOOK_EVERY, StallDetector};
+use crate::north::broker::{BrokerEvent, PublicationRefusal};
 use rustls::ClientConfig;
 use std::cell::RefCell;
 use std::future::poll_fn;
@@ -44,19 +46,19 @@ const LISTEN_MAX: Duration = Duration::from_secs(1);
 
 /// Talks to the broker until `stop`; then sends the farewell and returns. `bell` is to be rung when anything that the
 /// talk reads has changed. If dropped instead of stopped, the broker publishes the will.
-pub async fn converse<T: Protocol>(
+pub async fn converse<T: BrokerConversation>(
     settings: ConnectionSettings,
     talk: &RefCell<T>,
     bell: &Notify,
-    counters: &Counters,
+    counters: &ClientCounters,
     stop: impl Future<Output = ()>,
 ) {
     let mut stop = pin!(stop);
-    let retry = Retry::new(clock::now().as_nanos() ^ u64::from(std::process::id()));
-    let turns = Turns::new(clock::now());
+    let retry = RetryState::new(clock::now().as_nanos() ^ u64::from(std::process::id()));
+    let turns = StallDetector::new(clock::now());
     let heard = Instant::now();
     let limit = PacketLimit::default();
-    let mut client = Client {
+    let mut client = BrokerClient {
         settings,
         talk,
         bell,
@@ -74,7 +76,7 @@ pub async fn converse<T: Protocol>(
             return;
         }
         let had = counters.connected.get();
-        let End::Broken(broken, life) = client.connection(stop.as_mut()).await else {
+        let ClientEnd::Broken(broken, life) = client.connection(stop.as_mut()).await else {
             return;
         };
         count(&counters.broken);
@@ -110,7 +112,7 @@ pub async fn converse<T: Protocol>(
         if let Some(rival) = next.rival {
             client.contested(rival, wait);
         }
-        if let Outcome::Stopped = client
+        if let WaitOutcome::Stopped = client
             .attend(pin!(tokio::time::sleep(wait)), None, stop.as_mut())
             .await
         {
@@ -119,32 +121,32 @@ pub async fn converse<T: Protocol>(
     }
 }
 
-struct Client<'a, T> {
+struct BrokerClient<'a, T> {
     settings: ConnectionSettings,
     talk: &'a RefCell<T>,
     bell: &'a Notify,
-    counters: &'a Counters,
-    retry: Retry,
+    counters: &'a ClientCounters,
+    retry: RetryState,
     /// What is known of the largest packet that the broker takes.
     limit: PacketLimit,
-    turns: Turns,
+    turns: StallDetector,
     /// When the broker last sent something, or could next have done so.
     heard: Instant,
     /// After a stall: until then nothing is sent.
     listens_until: Option<Instant>,
     /// The accepted connection.
-    link: Option<Link>,
+    link: Option<AcceptedLink>,
 }
 
 /// How a connection ended.
-enum End {
+enum ClientEnd {
     Stopped,
     /// How the connection broke, and how long after the broker had accepted it; `None` if it had not.
-    Broken(Broken, Option<Duration>),
+    Broken(BrokenConnection, Option<Duration>),
 }
 
 /// What ended a wait.
-enum Outcome<O> {
+enum WaitOutcome<O> {
     Done(O),
     Stopped,
     /// The talk gives up the connection.
@@ -159,15 +161,15 @@ enum GivenUp {
     Left(&'static str),
 }
 
-impl<T: Protocol> Client<'_, T> {
+impl<T: BrokerConversation> BrokerClient<'_, T> {
     /// One connection, from the first byte to the last.
-    async fn connection<S: Future<Output = ()>>(&mut self, mut stop: Pin<&mut S>) -> End {
+    async fn connection<S: Future<Output = ()>>(&mut self, mut stop: Pin<&mut S>) -> ClientEnd {
         let chore = self.talk.borrow_mut().chore();
         if let Some(chore) = chore {
             // A chore that panics is not done, and the panic is reported anyway.
             let done = pin!(tokio::task::spawn_blocking(chore));
-            if let Outcome::Stopped = self.attend(done, None, stop.as_mut()).await {
-                return End::Stopped;
+            if let WaitOutcome::Stopped = self.attend(done, None, stop.as_mut()).await {
+                return ClientEnd::Stopped;
             }
         }
         let tls = match self.read_tls(stop.as_mut()).await {
@@ -185,32 +187,32 @@ impl<T: Protocol> Client<'_, T> {
                 self.attend(next, Some(patience), stop.as_mut()).await
             };
             let mut incident = match outcome {
-                Outcome::Done(Ok(incident)) => incident,
-                Outcome::Done(Err(broken)) => return self.abandon(&mut events, broken),
-                Outcome::GivenUp(how) => return self.give_up(&mut events, how).await,
-                Outcome::Overdue => {
+                WaitOutcome::Done(Ok(incident)) => incident,
+                WaitOutcome::Done(Err(broken)) => return self.abandon(&mut events, broken),
+                WaitOutcome::GivenUp(how) => return self.give_up(&mut events, how).await,
+                WaitOutcome::Overdue => {
                     return self.abandon(
                         &mut events,
-                        Broken::because("the broker stopped responding"),
+                        BrokenConnection::because("the broker stopped responding"),
                     );
                 }
-                Outcome::Stopped => return self.farewell(&mut events).await,
+                WaitOutcome::Stopped => return self.farewell(&mut events).await,
             };
             if incident.is_heard() {
                 self.heard = Instant::now();
             }
-            if let Incident::Offence(what) = incident {
+            if let ConnectionIncident::Offence(what) = incident {
                 let reason = format!("the broker breaks the protocol: {what}");
-                return self.abandon(&mut events, Broken::because(reason));
+                return self.abandon(&mut events, BrokenConnection::because(reason));
             }
-            if let Incident::Connected(terms) = &mut incident {
+            if let ConnectionIncident::Connected(terms) = &mut incident {
                 self.limit.apply(terms, clock::now());
                 patience = self.patience(terms);
                 let since = Instant::now();
                 let alone_above = self.limit.alone_above();
                 self.link = sender
                     .take()
-                    .map(|sender| Link::new(sender, since, *terms, alone_above));
+                    .map(|sender| AcceptedLink::new(sender, since, *terms, alone_above));
             }
             self.take(incident);
             self.settle();
@@ -224,24 +226,26 @@ impl<T: Protocol> Client<'_, T> {
     async fn read_tls<S: Future<Output = ()>>(
         &mut self,
         stop: Pin<&mut S>,
-    ) -> Result<Option<Arc<ClientConfig>>, End> {
+    ) -> Result<Option<Arc<ClientConfig>>, ClientEnd> {
         let read = pin!(tls::read(self.settings.tls.clone()));
         match self.attend(read, None, stop).await {
-            Outcome::Done(Ok(tls)) => Ok(tls),
-            Outcome::Done(Err(reason)) => Err(End::Broken(Broken::unsent(reason), None)),
-            Outcome::Stopped => Err(End::Stopped),
-            Outcome::GivenUp(GivenUp::Dropped(reason) | GivenUp::Left(reason)) => {
-                Err(End::Broken(Broken::unsent(reason), None))
+            WaitOutcome::Done(Ok(tls)) => Ok(tls),
+            WaitOutcome::Done(Err(reason)) => {
+                Err(ClientEnd::Broken(BrokenConnection::unsent(reason), None))
             }
-            Outcome::Overdue => Err(End::Broken(
-                Broken::unsent("the TLS files cannot be read in time"),
+            WaitOutcome::Stopped => Err(ClientEnd::Stopped),
+            WaitOutcome::GivenUp(GivenUp::Dropped(reason) | GivenUp::Left(reason)) => {
+                Err(ClientEnd::Broken(BrokenConnection::unsent(reason), None))
+            }
+            WaitOutcome::Overdue => Err(ClientEnd::Broken(
+                BrokenConnection::unsent("the TLS files cannot be read in time"),
                 None,
             )),
         }
     }
 
     /// Longest silence of the broker: one and a half times the keep-alive, since each ping is answered.
-    fn patience(&self, terms: &Terms) -> Duration {
+    fn patience(&self, terms: &BrokerTerms) -> Duration {
         let keep_alive = terms
             .keep_alive
             .filter(|span| !span.is_zero())
@@ -256,7 +260,7 @@ impl<T: Protocol> Client<'_, T> {
         mut future: Pin<&mut F>,
         patience: Option<Duration>,
         mut stop: Pin<&mut S>,
-    ) -> Outcome<F::Output> {
+    ) -> WaitOutcome<F::Output> {
         loop {
             let overdue = patience.map_or_else(far, |patience| self.heard + patience);
             let wake = self
@@ -266,7 +270,7 @@ impl<T: Protocol> Client<'_, T> {
             // Unbiased, so that a flood of one kind does not starve the others.
             let done = tokio::select! {
                 output = future.as_mut() => Some(output),
-                () = stop.as_mut() => return Outcome::Stopped,
+                () = stop.as_mut() => return WaitOutcome::Stopped,
                 () = self.bell.notified() => None,
                 () = sleep_until(wake) => None,
             };
@@ -279,15 +283,15 @@ impl<T: Protocol> Client<'_, T> {
                 done => done,
             };
             if let Some(output) = done {
-                return Outcome::Done(output);
+                return WaitOutcome::Done(output);
             }
             self.listens_until.take_if(|until| *until <= Instant::now());
             if patience.is_some_and(|patience| self.heard.elapsed() >= patience) {
-                return Outcome::Overdue;
+                return WaitOutcome::Overdue;
             }
             self.talk.borrow_mut().tick(clock::moment());
             if let Some(how) = self.send() {
-                return Outcome::GivenUp(how);
+                return WaitOutcome::GivenUp(how);
             }
         }
     }
@@ -304,7 +308,7 @@ impl<T: Protocol> Client<'_, T> {
                 "process was suspended; messages from the broker may be old"
             );
             self.listens_until = Some(self.heard + LISTEN_FIRST);
-            self.tell(Event::Stalled(stood));
+            self.tell(BrokerEvent::Stalled(stood));
         }
     }
 
@@ -334,16 +338,16 @@ impl<T: Protocol> Client<'_, T> {
         if self.listens() {
             return None;
         }
-        while self.link.as_ref().is_none_or(Link::has_room) {
+        while self.link.as_ref().is_none_or(AcceptedLink::has_room) {
             let packet = self.talk.borrow_mut().next_packet(clock::moment())?;
             let Some(link) = &mut self.link else {
                 tracing::debug!(?packet, "no connection to the broker; packet dropped");
                 continue;
             };
             match packet {
-                Packet::Reconnect(reason) => return Some(GivenUp::Dropped(reason)),
-                Packet::Leave(reason) => return Some(GivenUp::Left(reason)),
-                Packet::Publish(publication) => {
+                ClientPacket::Reconnect(reason) => return Some(GivenUp::Dropped(reason)),
+                ClientPacket::Leave(reason) => return Some(GivenUp::Left(reason)),
+                ClientPacket::Publish(publication) => {
                     let token = publication.token;
                     match link.publish(publication, self.counters) {
                         Err(NotQueued) => {
@@ -351,23 +355,23 @@ impl<T: Protocol> Client<'_, T> {
                             return Some(GivenUp::Dropped(reason));
                         }
                         // It will never be acknowledged.
-                        Ok(false) => token
-                            .into_iter()
-                            .for_each(|it| self.tell(Event::Refused(it, Refusal::Never))),
+                        Ok(false) => token.into_iter().for_each(|it| {
+                            self.tell(BrokerEvent::Refused(it, PublicationRefusal::Never))
+                        }),
                         Ok(true) => {}
                     }
                 }
-                Packet::Subscribe(filters) => link.subscribe(filters),
+                ClientPacket::Subscribe(filters) => link.subscribe(filters),
             }
         }
         None
     }
 
     /// Handles an incident.
-    fn take(&mut self, incident: Incident) {
+    fn take(&mut self, incident: ConnectionIncident) {
         let window = self.link.as_mut().map(|link| &mut link.window);
         match incident {
-            Incident::Connected(terms) => {
+            ConnectionIncident::Connected(terms) => {
                 count(&self.counters.connected);
                 let ConnectionSettings {
                     host,
@@ -376,25 +380,25 @@ impl<T: Protocol> Client<'_, T> {
                     ..
                 } = &self.settings;
                 tracing::info!(client_id, host, port, "connected to the broker");
-                self.tell(Event::Connected(terms.broker));
+                self.tell(BrokerEvent::Connected(terms.broker));
             }
-            Incident::Subscribed(granted) => {
+            ConnectionIncident::Subscribed(granted) => {
                 if let Some(granted) = self.link.as_mut().and_then(|link| link.subscribed(granted))
                 {
-                    self.tell(Event::Subscribed(granted));
+                    self.tell(BrokerEvent::Subscribed(granted));
                 }
             }
-            Incident::Message(message) => self.receive(&message),
-            Incident::Acknowledged(identifier) => {
+            ConnectionIncident::Message(message) => self.receive(&message),
+            ConnectionIncident::Acknowledged(identifier) => {
                 let settled = window
                     .map(|window| window.settle(identifier))
                     .unwrap_or_default();
                 self.took(settled.taken_bytes);
                 if let Some(token) = settled.token {
-                    self.tell(Event::Acknowledged(token));
+                    self.tell(BrokerEvent::Acknowledged(token));
                 }
             }
-            Incident::Refused(identifier, refusal, reason) => {
+            ConnectionIncident::Refused(identifier, refusal, reason) => {
                 count(&self.counters.refused);
                 let settled = window
                     .map(|window| window.settle(identifier))
@@ -403,64 +407,72 @@ impl<T: Protocol> Client<'_, T> {
                 let token = settled.token;
                 tracing::warn!(reason, ?token, "broker refused a publication");
                 if let Some(token) = token {
-                    self.tell(Event::Refused(token, refusal));
+                    self.tell(BrokerEvent::Refused(token, refusal));
                 }
             }
-            Incident::PublicationLeft(identifier) => {
+            ConnectionIncident::PublicationLeft(identifier) => {
                 count(&self.counters.published);
                 if let Some(window) = window {
                     window.publication_left(identifier);
                 }
             }
-            Incident::OtherLeft => {
+            ConnectionIncident::OtherLeft => {
                 if let Some(window) = window {
                     window.other_left();
                 }
             }
-            Incident::Offence(_) | Incident::Heard | Incident::Nothing => {}
+            ConnectionIncident::Offence(_)
+            | ConnectionIncident::Heard
+            | ConnectionIncident::Nothing => {}
         }
     }
 
-    fn receive(&self, message: &Received) {
+    fn receive(&self, message: &ReceivedMessage) {
         count(&self.counters.received);
-        self.tell(Event::Message(message.as_message()));
+        self.tell(BrokerEvent::Message(message.as_message()));
     }
 
-    fn tell(&self, event: Event<'_>) {
+    fn tell(&self, event: BrokerEvent<'_>) {
         self.talk.borrow_mut().handle(clock::moment(), event);
     }
 
     /// Gives up the connection. What was received is handed over: acknowledgements are valid at any age, and so is a
     /// stop.
-    fn abandon(&mut self, events: &mut Events, broken: Broken) -> End {
+    fn abandon(&mut self, events: &mut ConnectionEvents, broken: BrokenConnection) -> ClientEnd {
         let life = self.life();
         let rest = events.rest();
-        if !broken.is_fresh && rest.iter().any(|it| matches!(it, Incident::Message(_))) {
-            self.tell(Event::Stalled(Duration::MAX));
+        if !broken.is_fresh
+            && rest
+                .iter()
+                .any(|it| matches!(it, ConnectionIncident::Message(_)))
+        {
+            self.tell(BrokerEvent::Stalled(Duration::MAX));
         }
         rest.into_iter()
-            .filter(|it| !matches!(it, Incident::Connected(_)))
+            .filter(|it| !matches!(it, ConnectionIncident::Connected(_)))
             .for_each(|it| self.take(it));
         let broken = self.judged(broken);
         self.listens_until = None;
         if life.is_some() {
-            self.tell(Event::Lost);
+            self.tell(BrokerEvent::Lost);
         }
-        End::Broken(broken, life)
+        ClientEnd::Broken(broken, life)
     }
 
     /// Ends the connection as the talk requests.
-    async fn give_up(&mut self, events: &mut Events, how: GivenUp) -> End {
+    async fn give_up(&mut self, events: &mut ConnectionEvents, how: GivenUp) -> ClientEnd {
         let reason = match how {
-            GivenUp::Dropped(reason) => return self.abandon(events, Broken::because(reason)),
+            GivenUp::Dropped(reason) => {
+                return self.abandon(events, BrokenConnection::because(reason));
+            }
             GivenUp::Left(reason) => reason,
         };
         let life = self.life();
         self.farewell(events).await;
         if life.is_some() {
-            self.tell(Event::Lost);
+            self.tell(BrokerEvent::Lost);
         }
-        End::Broken(Broken::because(reason), life)
+        ClientEnd::Broken(BrokenConnection::because(reason), life)
     }
 
     /// How long ago the broker accepted the connection.

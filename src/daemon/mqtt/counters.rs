@@ -4,7 +4,7 @@ use std::cell::{Cell, RefCell};
 
 /// Counts since the start.
 #[derive(Debug, Default)]
-pub struct Counters {
+pub struct ClientCounters {
     /// Connections that the broker accepted.
     pub connected: Cell<u64>,
     /// Attempts that failed, and connections that broke.

@@ -1,9 +1,9 @@
-//! The exchange of packets on one connection: reads, writes and pings. A [`Protocol`], which does no I/O, interprets
+//! The exchange of packets on one connection: reads, writes and pings. A [`ProtocolState`], which does no I/O, interprets
 //! the packets.
 
-use super::incident::{Broken, CONNECT_TIMEOUT, Cause, Incident};
-use super::stream::{self, Target};
-use super::wire::Wire;
+use super::incident::{BrokenConnection, CONNECT_TIMEOUT, ConnectionIncident, EndCause};
+use super::stream::{self, BrokerTarget};
+use super::wire::BrokerWire;
 use bytes::BytesMut;
 use std::future::poll_fn;
 use std::pin::pin;
@@ -16,7 +16,7 @@ use tokio::time::{Instant, sleep_until, timeout};
 const BATCH_MAX: usize = 9;
 
 /// The state of a connection in one version of the protocol.
-pub trait Protocol {
+pub trait ProtocolState {
     type Packet;
     /// What can be queued for the broker.
     type Request;
@@ -26,49 +26,52 @@ pub trait Protocol {
     const CONNECT_OVERDUE: &str;
 
     /// Takes the next packet out of `bytes`; `None` if it is incomplete. The size of an incomplete packet is bounded.
-    fn decode(bytes: &mut BytesMut) -> Result<Option<Self::Packet>, Broken>;
-    fn encode(&self, packet: Self::Packet, bytes: &mut BytesMut) -> Result<(), Broken>;
+    fn decode(bytes: &mut BytesMut) -> Result<Option<Self::Packet>, BrokenConnection>;
+    fn encode(&self, packet: Self::Packet, bytes: &mut BytesMut) -> Result<(), BrokenConnection>;
     /// CONNECT, the first packet.
     fn connect(&self) -> Self::Packet;
     /// Processes the answer to it. Returns the keep-alive that the broker prescribes.
-    fn accept(&mut self, packet: Self::Packet) -> Result<Option<Duration>, Broken>;
+    fn accept(&mut self, packet: Self::Packet) -> Result<Option<Duration>, BrokenConnection>;
     /// Processes a packet. Returns the answer to it.
-    fn incoming(&mut self, packet: Self::Packet) -> Result<Option<Self::Packet>, Broken>;
+    fn incoming(&mut self, packet: Self::Packet) -> Result<Option<Self::Packet>, BrokenConnection>;
     /// Whether another request may be sent now.
     fn has_room(&self) -> bool;
-    fn outgoing(&mut self, request: Self::Request) -> Result<Option<Self::Packet>, Broken>;
+    fn outgoing(
+        &mut self,
+        request: Self::Request,
+    ) -> Result<Option<Self::Packet>, BrokenConnection>;
     /// A ping. It is an error if the last one was not answered.
-    fn ping(&mut self) -> Result<Option<Self::Packet>, Broken>;
+    fn ping(&mut self) -> Result<Option<Self::Packet>, BrokenConnection>;
     /// The next incident.
-    fn next_incident(&mut self) -> Option<Incident>;
+    fn next_incident(&mut self) -> Option<ConnectionIncident>;
     /// The connection broke: the last packet was not sent.
     fn forget_unsent(&mut self);
-    fn io(error: std::io::Error) -> Broken;
-    fn closed() -> Broken;
+    fn io(error: std::io::Error) -> BrokenConnection;
+    fn closed() -> BrokenConnection;
 }
 
-/// One connection, which begins with the first [`Exchange::next`].
-pub struct Exchange<P: Protocol> {
+/// One connection, which begins with the first [`BrokerExchange::next`].
+pub struct BrokerExchange<P: ProtocolState> {
     protocol: P,
-    target: Target,
+    target: BrokerTarget,
     requests: Receiver<P::Request>,
-    wire: Option<Wire>,
+    wire: Option<BrokerWire>,
     keep_alive: Duration,
     ping_at: Instant,
     is_over: bool,
 }
 
 /// The next action.
-enum Turn<P: Protocol> {
+enum ExchangeTurn<P: ProtocolState> {
     Read(P::Packet),
     Send(P::Request),
     Ping,
 }
 
-impl<P: Protocol> Exchange<P> {
+impl<P: ProtocolState> BrokerExchange<P> {
     pub fn new(
         protocol: P,
-        target: Target,
+        target: BrokerTarget,
         requests: Receiver<P::Request>,
         keep_alive: Duration,
     ) -> Self {
@@ -85,9 +88,9 @@ impl<P: Protocol> Exchange<P> {
     }
 
     /// Waits for the next incident. Cancel safe. After an error the connection is over.
-    pub async fn next(&mut self) -> Result<Incident, Broken> {
+    pub async fn next(&mut self) -> Result<ConnectionIncident, BrokenConnection> {
         if self.is_over {
-            return Err(Broken::because("the connection is over"));
+            return Err(BrokenConnection::because("the connection is over"));
         }
         let next = self.advance().await;
         if next.is_err() {
@@ -99,11 +102,11 @@ impl<P: Protocol> Exchange<P> {
     }
 
     /// What was received but not yet returned.
-    pub fn rest(&mut self) -> Vec<Incident> {
+    pub fn rest(&mut self) -> Vec<ConnectionIncident> {
         std::iter::from_fn(|| self.protocol.next_incident()).collect()
     }
 
-    async fn advance(&mut self) -> Result<Incident, Broken> {
+    async fn advance(&mut self) -> Result<ConnectionIncident, BrokenConnection> {
         loop {
             if self.wire.is_none() {
                 let opened = timeout(CONNECT_TIMEOUT, self.open()).await;
@@ -118,17 +121,17 @@ impl<P: Protocol> Exchange<P> {
             let has_room = self.protocol.has_room();
             // Unbiased, so that neither direction starves the other.
             let turn = tokio::select! {
-                packet = wire.read::<P>() => Turn::<P>::Read(packet?),
-                Some(request) = self.requests.recv(), if has_room => Turn::Send(request),
-                () = sleep_until(self.ping_at) => Turn::Ping,
+                packet = wire.read::<P>() => ExchangeTurn::<P>::Read(packet?),
+                Some(request) = self.requests.recv(), if has_room => ExchangeTurn::Send(request),
+                () = sleep_until(self.ping_at) => ExchangeTurn::Ping,
             };
             match turn {
-                Turn::Read(packet) => take_batch(&mut self.protocol, wire, packet).await?,
-                Turn::Send(request) => {
+                ExchangeTurn::Read(packet) => take_batch(&mut self.protocol, wire, packet).await?,
+                ExchangeTurn::Send(request) => {
                     let packet = self.protocol.outgoing(request)?;
                     put(packet, &self.protocol, wire)?;
                 }
-                Turn::Ping => {
+                ExchangeTurn::Ping => {
                     self.ping_at = Instant::now() + self.keep_alive;
                     let ping = self.protocol.ping()?;
                     put(ping, &self.protocol, wire)?;
@@ -138,8 +141,8 @@ impl<P: Protocol> Exchange<P> {
     }
 
     /// Connects the stream and the protocol.
-    async fn open(&mut self) -> Result<Wire, Broken> {
-        let mut wire = Wire::new(stream::connect(&self.target).await?);
+    async fn open(&mut self) -> Result<BrokerWire, BrokenConnection> {
+        let mut wire = BrokerWire::new(stream::connect(&self.target).await?);
         wire.put(&self.protocol, self.protocol.connect())?;
         wire.flush::<P>().await?;
         let answer = wire.read::<P>().await?;
@@ -155,11 +158,11 @@ impl<P: Protocol> Exchange<P> {
 
 /// Processes a packet and those that are already available. If the end of the stream follows, none is answered: writing
 /// could lose what is still unread.
-async fn take_batch<P: Protocol>(
+async fn take_batch<P: ProtocolState>(
     protocol: &mut P,
-    wire: &mut Wire,
+    wire: &mut BrokerWire,
     first: P::Packet,
-) -> Result<(), Broken> {
+) -> Result<(), BrokenConnection> {
     let mut packet = first;
     for count in 1.. {
         let answer = protocol.incoming(packet)?;
@@ -176,19 +179,19 @@ async fn take_batch<P: Protocol>(
     Ok(())
 }
 
-fn put<P: Protocol>(
+fn put<P: ProtocolState>(
     packet: Option<P::Packet>,
     protocol: &P,
-    wire: &mut Wire,
-) -> Result<(), Broken> {
+    wire: &mut BrokerWire,
+) -> Result<(), BrokenConnection> {
     packet.map_or(Ok(()), |packet| wire.put(protocol, packet))
 }
 
-fn connect_overdue<P: Protocol>() -> Broken {
-    Broken {
+fn connect_overdue<P: ProtocolState>() -> BrokenConnection {
+    BrokenConnection {
         reason: P::CONNECT_OVERDUE.to_owned(),
         is_fresh: false,
-        cause: Cause::Gone,
+        cause: EndCause::Gone,
         is_unsent: false,
     }
 }

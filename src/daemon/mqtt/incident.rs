@@ -1,7 +1,7 @@
 //! What happens on a connection to a broker, in one form for both protocol versions, and the limits of both.
 
 use super::settings::ConnectionSettings;
-use crate::north::broker::{Broker, Filter, Message, Refusal};
+use crate::north::broker::{BrokerLimits, BrokerMessage, PublicationRefusal, SubscriptionFilter};
 use bytes::Bytes;
 use std::time::Duration;
 
@@ -14,17 +14,17 @@ pub const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Something that happened on the connection.
 #[derive(Debug)]
-pub enum Incident {
+pub enum ConnectionIncident {
     /// The broker accepted it.
-    Connected(Terms),
+    Connected(BrokerTerms),
     /// The broker answered the subscription.
     Subscribed(Vec<bool>),
     /// A message was received.
-    Message(Received),
+    Message(ReceivedMessage),
     /// The broker acknowledged the publication with this identifier.
     Acknowledged(u16),
     /// The broker refused the publication with this identifier: the kind of refusal, and why.
-    Refused(u16, Refusal, String),
+    Refused(u16, PublicationRefusal, String),
     /// A publication was written to the socket with this identifier; 0 if it will not be acknowledged.
     PublicationLeft(u16),
     /// A subscription or DISCONNECT was written to the socket.
@@ -37,7 +37,7 @@ pub enum Incident {
     Nothing,
 }
 
-impl Incident {
+impl ConnectionIncident {
     /// Whether it proves that the broker is alive.
     pub const fn is_heard(&self) -> bool {
         !matches!(
@@ -49,18 +49,18 @@ impl Incident {
 
 /// What the broker allows.
 #[derive(Clone, Copy, Debug)]
-pub struct Terms {
+pub struct BrokerTerms {
     /// What the session needs to know.
-    pub broker: Broker,
+    pub broker: BrokerLimits,
     /// Longest packet that may be sent, in bytes.
     pub packet_max: usize,
     /// The keep-alive that it prescribes; `None` for ours.
     pub keep_alive: Option<Duration>,
 }
 
-impl Default for Terms {
+impl Default for BrokerTerms {
     fn default() -> Self {
-        let broker = Broker {
+        let broker = BrokerLimits {
             maximum_packet_bytes: None,
             retains: true,
         };
@@ -74,7 +74,7 @@ impl Default for Terms {
 
 /// A message, owned.
 #[derive(Debug)]
-pub struct Received {
+pub struct ReceivedMessage {
     pub topic: String,
     pub payload: Bytes,
     pub retain: bool,
@@ -84,9 +84,9 @@ pub struct Received {
     pub correlation: Option<Bytes>,
 }
 
-impl Received {
-    pub fn as_message(&self) -> Message<'_> {
-        Message {
+impl ReceivedMessage {
+    pub fn as_message(&self) -> BrokerMessage<'_> {
+        BrokerMessage {
             topic: &self.topic,
             payload: &self.payload,
             retain: self.retain,
@@ -100,20 +100,20 @@ impl Received {
 
 /// Why a connection is over.
 #[derive(Debug)]
-pub struct Broken {
+pub struct BrokenConnection {
     /// The reason as text.
     pub reason: String,
     /// Whether what was read just before is recent. It is not if writing had stalled for an unknown time.
     pub is_fresh: bool,
     /// What it says about the broker.
-    pub cause: Cause,
+    pub cause: EndCause,
     /// Whether it is certain that the broker has seen no CONNECT of ours.
     pub is_unsent: bool,
 }
 
 /// What the end of a connection says about the broker.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Cause {
+pub enum EndCause {
     /// It is not reachable, or has closed the connection without a reason.
     Gone,
     /// It reports that another client has our identifier.
@@ -124,13 +124,13 @@ pub enum Cause {
     Other,
 }
 
-impl Broken {
+impl BrokenConnection {
     /// Given up by this side.
     pub fn because(reason: impl Into<String>) -> Self {
         Self {
             reason: reason.into(),
             is_fresh: false,
-            cause: Cause::Other,
+            cause: EndCause::Other,
             is_unsent: false,
         }
     }
@@ -146,7 +146,7 @@ impl Broken {
 
 /// Why a publication is not sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Unfit {
+pub enum UnfitPublication {
     /// It is too large for the broker, or for the protocol.
     TooLarge,
     /// Its topic has wildcards or is empty.
@@ -163,7 +163,7 @@ pub fn keep_alive_seconds(settings: &ConnectionSettings) -> u16 {
 }
 
 /// Checks that a broker would accept these filters.
-pub fn check_filters(filters: &[Filter]) -> Result<(), NotQueued> {
+pub fn check_filters(filters: &[SubscriptionFilter]) -> Result<(), NotQueued> {
     let are_valid = !filters.is_empty()
         && filters
             .iter()

@@ -2,14 +2,16 @@
 //!
 //! For one connection only: after an error it is dropped with everything that is still in it.
 
-use super::exchange::Exchange;
-use super::incident::{Broken, Incident, NotQueued, Terms, Unfit};
+use super::exchange::BrokerExchange;
+use super::incident::{
+    BrokenConnection, BrokerTerms, ConnectionIncident, NotQueued, UnfitPublication,
+};
 use super::settings::ConnectionSettings;
-use super::stream::Target;
+use super::stream::BrokerTarget;
 use super::v4::{self, V4};
 use super::v5::{self, V5};
 use super::window::QUEUE_MAX;
-use crate::north::broker::{Filter, Publication, Version};
+use crate::north::broker::{MqttVersion, Publication, SubscriptionFilter};
 use rustls::ClientConfig;
 use std::future::poll_fn;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -23,55 +25,65 @@ const FIELD_MAX: usize = 65_535;
 
 /// The sending half: a queue that the other half sends from. It never blocks.
 #[derive(Debug)]
-pub enum Sender {
+pub enum RequestSender {
     V4(mpsc::Sender<rumqttc::Request>),
     V5(mpsc::Sender<rumqttc::v5::Request>),
 }
 
 /// The half that does the work while it is polled.
-pub enum Events {
-    V4(Box<Exchange<V4>>),
-    V5(Box<Exchange<V5>>),
+pub enum ConnectionEvents {
+    V4(Box<BrokerExchange<V4>>),
+    V5(Box<BrokerExchange<V5>>),
 }
 
-/// Prepares a connection. It begins with the first [`Events::next`].
+/// Prepares a connection. It begins with the first [`ConnectionEvents::next`].
 pub fn open(
     settings: &ConnectionSettings,
     will: Publication,
     tls: Option<Arc<ClientConfig>>,
-) -> (Sender, Events) {
-    let target = Target {
+) -> (RequestSender, ConnectionEvents) {
+    let target = BrokerTarget {
         host: settings.host.clone(),
         port: settings.port,
         tls,
     };
     let keep_alive = settings.keep_alive();
     match settings.version {
-        Version::V4 => {
+        MqttVersion::V4 => {
             let (sender, queue) = mpsc::channel(QUEUE_MAX);
-            let exchange = Exchange::new(V4::new(settings, will), target, queue, keep_alive);
-            (Sender::V4(sender), Events::V4(Box::new(exchange)))
+            let exchange = BrokerExchange::new(V4::new(settings, will), target, queue, keep_alive);
+            (
+                RequestSender::V4(sender),
+                ConnectionEvents::V4(Box::new(exchange)),
+            )
         }
-        Version::V5 => {
+        MqttVersion::V5 => {
             let (sender, queue) = mpsc::channel(QUEUE_MAX);
-            let exchange = Exchange::new(V5::new(settings, will), target, queue, keep_alive);
-            (Sender::V5(sender), Events::V5(Box::new(exchange)))
+            let exchange = BrokerExchange::new(V5::new(settings, will), target, queue, keep_alive);
+            (
+                RequestSender::V5(sender),
+                ConnectionEvents::V5(Box::new(exchange)),
+            )
         }
     }
 }
 
-impl Sender {
+impl RequestSender {
     /// Whether the publication may be sent under these terms.
-    pub fn check(&self, publication: &Publication, terms: &Terms) -> Result<(), Unfit> {
+    pub fn check(
+        &self,
+        publication: &Publication,
+        terms: &BrokerTerms,
+    ) -> Result<(), UnfitPublication> {
         let correlation = publication.correlation.as_ref().map_or(0, Vec::len);
         if publication.topic.len() > FIELD_MAX || correlation > FIELD_MAX {
-            return Err(Unfit::TooLarge);
+            return Err(UnfitPublication::TooLarge);
         }
         if publication.topic.is_empty() || !rumqttc::valid_topic(&publication.topic) {
-            return Err(Unfit::Topic);
+            return Err(UnfitPublication::Topic);
         }
         if self.packet_bytes(publication) > terms.packet_max {
-            Err(Unfit::TooLarge)
+            Err(UnfitPublication::TooLarge)
         } else {
             Ok(())
         }
@@ -94,7 +106,7 @@ impl Sender {
     }
 
     /// Queues a subscription.
-    pub fn subscribe(&self, filters: Vec<Filter>) -> Result<(), NotQueued> {
+    pub fn subscribe(&self, filters: Vec<SubscriptionFilter>) -> Result<(), NotQueued> {
         match self {
             Self::V4(sender) => v4::subscribe(sender, filters),
             Self::V5(sender) => v5::subscribe(sender, filters),
@@ -110,9 +122,9 @@ impl Sender {
     }
 }
 
-impl Events {
+impl ConnectionEvents {
     /// Waits for the next incident. Cancel safe. After an error the connection is over.
-    pub async fn next(&mut self) -> Result<Incident, Broken> {
+    pub async fn next(&mut self) -> Result<ConnectionIncident, BrokenConnection> {
         match self {
             Self::V4(exchange) => guarded(exchange.next()).await?,
             Self::V5(exchange) => guarded(exchange.next()).await?,
@@ -120,7 +132,7 @@ impl Events {
     }
 
     /// What was received but not yet returned when the connection ended.
-    pub fn rest(&mut self) -> Vec<Incident> {
+    pub fn rest(&mut self) -> Vec<ConnectionIncident> {
         match self {
             Self::V4(exchange) => exchange.rest(),
             Self::V5(exchange) => exchange.rest(),
@@ -129,13 +141,15 @@ impl Events {
 }
 
 /// Catches a panic of the library: bytes from a broker must end no more than their connection.
-async fn guarded<F: Future>(future: F) -> Result<F::Output, Broken> {
+async fn guarded<F: Future>(future: F) -> Result<F::Output, BrokenConnection> {
     let mut future = pin!(future);
     poll_fn(
         |cx| match catch_unwind(AssertUnwindSafe(|| future.as_mut().poll(cx))) {
             Ok(Poll::Pending) => Poll::Pending,
             Ok(Poll::Ready(output)) => Poll::Ready(Ok(output)),
-            Err(_) => Poll::Ready(Err(Broken::because("the client library panicked"))),
+            Err(_) => Poll::Ready(Err(BrokenConnection::because(
+                "the client library panicked",
+            ))),
         },
     )
     .await

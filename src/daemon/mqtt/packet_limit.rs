@@ -10,7 +10,7 @@
 //! hour after a limit was learned tries larger packets again, because an accident may have taught it. It is not done on a
 //! connection that works, because it ends that if the limit is real.
 
-use super::incident::{Cause, Terms};
+use super::incident::{BrokerTerms, EndCause};
 use crate::domain::time::MonoTime;
 use std::time::Duration;
 
@@ -50,7 +50,7 @@ pub struct PacketLimit {
 
 impl PacketLimit {
     /// The terms of a broker that accepted a connection at `now`, with what was learned.
-    pub fn apply(&mut self, terms: &mut Terms, now: MonoTime) {
+    pub fn apply(&mut self, terms: &mut BrokerTerms, now: MonoTime) {
         if self.most.is_some() && now.since(self.learned_at) >= TRIED_AGAIN {
             self.tried = self.most.take();
         }
@@ -86,8 +86,14 @@ impl PacketLimit {
 
     /// A connection that was accepted `life` ago ended for `cause` at `now`. Nothing larger than `largest` bytes was sent on
     /// it. Returns whether its size explains the end.
-    pub fn ended(&mut self, cause: Cause, largest: usize, life: Duration, now: MonoTime) -> bool {
-        let may_be_size = matches!(cause, Cause::Gone | Cause::TooLarge) && largest > LEAST;
+    pub fn ended(
+        &mut self,
+        cause: EndCause,
+        largest: usize,
+        life: Duration,
+        now: MonoTime,
+    ) -> bool {
+        let may_be_size = matches!(cause, EndCause::Gone | EndCause::TooLarge) && largest > LEAST;
         if !may_be_size || largest <= self.taken {
             let is_soon = may_be_size && life < SOON;
             self.soon_over = if is_soon { self.soon_over + 1 } else { 0 };
@@ -105,12 +111,12 @@ impl PacketLimit {
         // Others may have been sent with the first.
         let was_alone = std::mem::replace(&mut self.is_doubted, true);
         if !was_alone {
-            return cause == Cause::TooLarge;
+            return cause == EndCause::TooLarge;
         }
         self.refusals += 1;
         let below = largest - 1;
         match self.most {
-            None if self.refusals < REFUSALS && cause != Cause::TooLarge => {}
+            None if self.refusals < REFUSALS && cause != EndCause::TooLarge => {}
             None => self.most = Some(below.max(LEAST)),
             Some(_) => self.most = Some((below - below % STEP).max(LEAST).max(self.taken)),
         }
@@ -126,7 +132,7 @@ mod tests {
     const HOUR: u64 = 3_600_000;
 
     fn gone(known: &mut PacketLimit, largest: usize) -> bool {
-        known.ended(Cause::Gone, largest, MOMENT, MonoTime::ZERO)
+        known.ended(EndCause::Gone, largest, MOMENT, MonoTime::ZERO)
     }
 
     fn published(limit: usize, sizes: &[usize]) -> (u32, Vec<usize>, PacketLimit) {
@@ -144,7 +150,7 @@ mod tests {
         now: MonoTime,
     ) -> (u32, Vec<usize>) {
         for connection in 1..100 {
-            let mut terms = Terms::default();
+            let mut terms = BrokerTerms::default();
             known.apply(&mut terms, now);
             let sent: Vec<_> = sizes
                 .iter()
@@ -162,7 +168,7 @@ mod tests {
                 Some(_) => (&sent[..refused], sent[refused]),
             };
             acknowledged.iter().for_each(|bytes| known.taken(*bytes));
-            known.ended(Cause::Gone, last, MOMENT, now);
+            known.ended(EndCause::Gone, last, MOMENT, now);
         }
         panic!("it never learns: {known:?}");
     }
@@ -185,7 +191,7 @@ mod tests {
         assert_eq!((connections, sent.len(), known.most), (1, 3, None));
         let mut known = known;
         for _ in 0..20 {
-            let is_size = known.ended(Cause::Gone, 2_612, SOON, MonoTime::ZERO);
+            let is_size = known.ended(EndCause::Gone, 2_612, SOON, MonoTime::ZERO);
             assert!(
                 !is_size,
                 "a broker that restarts now and then, after it took as much"
@@ -213,9 +219,9 @@ mod tests {
         for _ in 0..10 {
             assert!(
                 !gone(&mut known, LEAST)
-                    && !known.ended(Cause::Other, 9_000, MOMENT, MonoTime::ZERO)
+                    && !known.ended(EndCause::Other, 9_000, MOMENT, MonoTime::ZERO)
             );
-            assert!(!known.ended(Cause::TakenOver, 9_000, MOMENT, MonoTime::ZERO));
+            assert!(!known.ended(EndCause::TakenOver, 9_000, MOMENT, MonoTime::ZERO));
         }
         assert_eq!((known.most, known.alone_above()), (None, None));
         let mut known = PacketLimit {
@@ -231,11 +237,11 @@ mod tests {
     fn a_broker_that_says_so_is_believed_at_once() {
         let mut known = PacketLimit::default();
         assert!(
-            known.ended(Cause::TooLarge, 3_000, MOMENT, MonoTime::ZERO),
+            known.ended(EndCause::TooLarge, 3_000, MOMENT, MonoTime::ZERO),
             "one of those that were sent"
         );
-        assert!(known.ended(Cause::TooLarge, 2_500, MOMENT, MonoTime::ZERO));
-        let mut terms = Terms::default();
+        assert!(known.ended(EndCause::TooLarge, 2_500, MOMENT, MonoTime::ZERO));
+        let mut terms = BrokerTerms::default();
         known.apply(&mut terms, MonoTime::ZERO);
         assert_eq!(
             (terms.packet_max, terms.broker.maximum_packet_bytes),
@@ -257,7 +263,7 @@ mod tests {
         let (_, _, mut known) = published(100_000, &[2_612]);
         for _ in 0..20 {
             assert!(!gone(&mut known, 2_612) && !gone(&mut known, 2_612));
-            assert!(!known.ended(Cause::Gone, 2_612, SOON, MonoTime::ZERO));
+            assert!(!known.ended(EndCause::Gone, 2_612, SOON, MonoTime::ZERO));
             assert!(!gone(&mut known, 2_612) && !gone(&mut known, 2_612));
             known.not_reached();
         }

@@ -1,6 +1,6 @@
 //! How the broker is reached.
 
-use crate::north::broker::Version;
+use crate::north::broker::MqttVersion;
 use std::fmt;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -20,24 +20,24 @@ pub struct ConnectionSettings {
     /// Other addresses of the same broker, such as the nodes of a cluster: after each connection the next one is tried.
     pub also_at: Vec<(String, u16)>,
     /// How it is authenticated; `None` for plain TCP.
-    pub tls: Option<TlsSettings>,
+    pub tls: Option<BrokerTls>,
     /// Client identifier; must be unique at the broker.
     pub client_id: String,
     /// User name.
     pub user: Option<String>,
     /// Password.
-    pub password: Option<Secret>,
+    pub password: Option<HiddenText>,
     /// Longest silence of this side; limited to 5 s to 600 s.
     pub keep_alive: Duration,
     /// Protocol version.
-    pub version: Version,
+    pub version: MqttVersion,
     /// What the broker keeps for this client while it is disconnected.
-    pub keeps: Keeps,
+    pub keeps: BrokerKeeps,
 }
 
 /// What a broker keeps for a disconnected client.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Keeps {
+pub enum BrokerKeeps {
     /// Nothing: messages that waited would be stale.
     #[default]
     Nothing,
@@ -68,7 +68,7 @@ impl ConnectionSettings {
 
 /// How the broker is authenticated. This cannot be switched off.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct TlsSettings {
+pub struct BrokerTls {
     /// PEM file with the only authorities to trust; `None` for those of the system.
     pub ca_file: Option<PathBuf>,
     /// PEM files with a certificate chain and its key, to authenticate this side.
@@ -77,9 +77,9 @@ pub struct TlsSettings {
 
 /// A text that is hidden in debug output.
 #[derive(Clone, PartialEq, Eq)]
-pub struct Secret(String);
+pub struct HiddenText(String);
 
-impl Secret {
+impl HiddenText {
     /// Hides `text`.
     #[must_use]
     pub const fn new(text: String) -> Self {
@@ -93,7 +93,7 @@ impl Secret {
     }
 }
 
-impl fmt::Debug for Secret {
+impl fmt::Debug for HiddenText {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("***")
     }
@@ -111,10 +111,10 @@ mod tests {
             tls: None,
             client_id: "gateway".to_owned(),
             user: None,
-            password: Some(Secret::new("hunter2".to_owned())),
+            password: Some(HiddenText::new("hunter2".to_owned())),
             keep_alive: Duration::from_secs(30),
-            version: Version::V5,
-            keeps: Keeps::Nothing,
+            version: MqttVersion::V5,
+            keeps: BrokerKeeps::Nothing,
         }
     }
 
@@ -150,7 +150,7 @@ mod tests {
         let settings = settings();
         assert!(!format!("{settings:?}").contains("hunter2"));
         assert_eq!(
-            settings.password.as_ref().map(Secret::expose),
+            settings.password.as_ref().map(HiddenText::expose),
             Some("hunter2")
         );
     }

@@ -1,9 +1,9 @@
 //! The MQTT session with everything it reads: views, lines, answers.
 
-use super::{Packet, Protocol, Rival};
-use crate::daemon::exchange::answers::{AnswerBox, News};
+use super::{BrokerConversation, ClientPacket, ClientRival};
+use crate::daemon::exchange::answers::{AnswerBox, LineNews};
 use crate::daemon::exchange::north_journal::{Journal, NorthJournal};
-use crate::daemon::exchange::shared::{Current, Shared, SharedLine};
+use crate::daemon::exchange::shared::{CurrentPlant, SharedLine, SharedPlant};
 use crate::daemon::exchange::to_lines::hand_over;
 use crate::daemon::exchange::totals::MqttTotals;
 use crate::daemon::host::random;
@@ -12,43 +12,43 @@ use crate::domain::ids::{Name, Ticket};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
-use crate::north::broker::{Event, LineState, Oversized, Publication, ToLine};
-use crate::north::clock::Moment;
-use crate::north::mqtt::{Act, Session, Settings};
+use crate::north::broker::{BrokerEvent, OversizedPublication, Publication, SessionLine, ToLine};
+use crate::north::clock::ClockMoment;
+use crate::north::mqtt::{MqttAct, MqttSession, Settings};
 use std::sync::Arc;
 
 /// The gateway's side of the conversation.
 #[derive(Debug)]
-pub struct Speaker {
-    session: Session,
-    current: Current,
+pub struct BrokerSession {
+    session: MqttSession,
+    current: CurrentPlant,
     /// The drives and lines of the session.
-    shared: Arc<Shared>,
+    shared: Arc<SharedPlant>,
     news: Arc<AnswerBox>,
     totals: Arc<MqttTotals>,
     journal: Journal,
-    /// The views as of the last look, in the order of [`Shared::drives`].
+    /// The views as of the last look, in the order of [`SharedPlant::drives`].
     views: Vec<Arc<DriveView>>,
-    lines: Vec<LineState>,
-    batch: Vec<News>,
+    lines: Vec<SessionLine>,
+    batch: Vec<LineNews>,
 }
 
-impl Speaker {
+impl BrokerSession {
     /// Serves the drives and lines of `current`, which answer through `news`. Attempts that reach no line are sent to
     /// `journal`. Tickets start at `first_ticket`, so that no answer to an earlier session is taken for one to this
     /// session.
     #[must_use]
     pub fn new(
         settings: Settings,
-        current: Current,
+        current: CurrentPlant,
         news: Arc<AnswerBox>,
         totals: Arc<MqttTotals>,
         journal: Journal,
         first_ticket: Ticket,
-        at: Moment,
+        at: ClockMoment,
     ) -> Self {
         let shared = current.get();
-        let mut session = Session::new(
+        let mut session = MqttSession::new(
             settings,
             drives_of(&shared),
             lines_of(&shared),
@@ -73,20 +73,20 @@ impl Speaker {
     }
 
     /// Processes the answers of the lines.
-    fn take_news(&mut self, at: Moment) {
+    fn take_news(&mut self, at: ClockMoment) {
         self.news.take(&mut self.batch);
         for news in self.batch.drain(..) {
             match news {
-                News::Command(answer) => self.session.command_answer(at, &answer),
-                News::Native(answer) => self.session.native_answer(at, &answer),
-                News::Trip(place, event) => self.session.trip(at, place, &event),
-                News::Events { events, more } => self.session.stored_events(at, &events, more),
+                LineNews::Command(answer) => self.session.command_answer(at, &answer),
+                LineNews::Native(answer) => self.session.native_answer(at, &answer),
+                LineNews::Trip(place, event) => self.session.trip(at, place, &event),
+                LineNews::Events { events, more } => self.session.stored_events(at, &events, more),
             }
         }
     }
 
     /// Follows a change of the configuration. Answers of the old drives are processed first.
-    fn follow(&mut self, at: Moment) {
+    fn follow(&mut self, at: ClockMoment) {
         let is_the_same = Arc::ptr_eq(&self.current.load(), &self.shared);
         if is_the_same {
             return;
@@ -98,7 +98,7 @@ impl Speaker {
         self.look_at_views();
     }
 
-    fn look(&mut self, at: Moment) {
+    fn refresh(&mut self, at: ClockMoment) {
         self.take_news(at);
         self.follow(at);
         self.look_at_views();
@@ -113,7 +113,7 @@ impl Speaker {
                 .map(|drive| drive.view.load_full()),
         );
         self.lines.clear();
-        let line = |(place, line): (usize, &Arc<SharedLine>)| LineState {
+        let line = |(place, line): (usize, &Arc<SharedLine>)| SessionLine {
             name: line.name.clone(),
             report: line.report(),
             stations: self.shared.stations(place).collect(),
@@ -123,7 +123,7 @@ impl Speaker {
     }
 
     /// Among several gateways of the name, a message is for the one that is active now.
-    fn look_at_roles(&mut self, at: Moment) {
+    fn look_at_roles(&mut self, at: ClockMoment) {
         if self.session.has_partner() {
             self.look_at_views();
             self.session.see_roles(at, &self.lines);
@@ -131,30 +131,34 @@ impl Speaker {
     }
 
     /// Passes on everything for the lines and the journal. It never waits for the broker.
-    fn pass_inward(&mut self, at: Moment) {
+    fn pass_inward(&mut self, at: ClockMoment) {
         let mut requests = Vec::new();
         while let Some(act) = self.session.next_inward() {
             match act {
-                Act::ToLine(request) => requests.push(request),
-                act => self.carry_out(at, act),
+                MqttAct::ToLine(request) => requests.push(request),
+                act => self.execute(at, act),
             }
         }
         self.hand_over(at, requests);
     }
 
-    fn hand_over(&mut self, at: Moment, requests: impl IntoIterator<Item = ToLine>) {
+    fn hand_over(&mut self, at: ClockMoment, requests: impl IntoIterator<Item = ToLine>) {
         for ticket in hand_over(&self.shared, Owner::Mqtt, requests) {
             self.session.refused_by_line(at, ticket);
         }
     }
 
-    fn carry_out(&mut self, at: Moment, act: Act) {
+    fn execute(&mut self, at: ClockMoment, act: MqttAct) {
         match act {
-            Act::ToLine(request) => self.hand_over(at, [request]),
-            Act::Keep(drive, attempt) => self.tell_journal(|journal| journal.keep(drive, attempt)),
-            Act::EventTaken(seq) => self.tell_journal(|journal| journal.event_taken(seq)),
-            Act::WantEvents { after } => self.tell_journal(|journal| journal.want_events(after)),
-            Act::Subscribe(_) | Act::Publish(_) | Act::Reconnect(_) => {}
+            MqttAct::ToLine(request) => self.hand_over(at, [request]),
+            MqttAct::Keep(drive, attempt) => {
+                self.tell_journal(|journal| journal.keep(drive, attempt))
+            }
+            MqttAct::EventTaken(seq) => self.tell_journal(|journal| journal.event_taken(seq)),
+            MqttAct::WantEvents { after } => {
+                self.tell_journal(|journal| journal.want_events(after))
+            }
+            MqttAct::Subscribe(_) | MqttAct::Publish(_) | MqttAct::Reconnect(_) => {}
         }
     }
 
@@ -164,8 +168,8 @@ impl Speaker {
         }
     }
 
-    fn count(&mut self, at: Moment) {
-        while let Some(Oversized {
+    fn count(&mut self, at: ClockMoment) {
+        while let Some(OversizedPublication {
             topic,
             bytes,
             limit,
@@ -185,7 +189,7 @@ impl Speaker {
     }
 }
 
-fn drives_of(shared: &Shared) -> Vec<DriveDescription> {
+fn drives_of(shared: &SharedPlant) -> Vec<DriveDescription> {
     shared
         .drives
         .iter()
@@ -193,21 +197,21 @@ fn drives_of(shared: &Shared) -> Vec<DriveDescription> {
         .collect()
 }
 
-fn lines_of(shared: &Shared) -> Vec<Name> {
+fn lines_of(shared: &SharedPlant) -> Vec<Name> {
     shared.lines.iter().map(|line| line.name.clone()).collect()
 }
 
-impl Protocol for Speaker {
+impl BrokerConversation for BrokerSession {
     fn will(&self) -> Publication {
         self.session.will()
     }
 
-    fn handle(&mut self, at: Moment, event: Event<'_>) {
+    fn handle(&mut self, at: ClockMoment, event: BrokerEvent<'_>) {
         self.follow(at);
-        if matches!(event, Event::Message(_)) {
+        if matches!(event, BrokerEvent::Message(_)) {
             self.look_at_roles(at);
         }
-        let is_answer = matches!(event, Event::Subscribed(_));
+        let is_answer = matches!(event, BrokerEvent::Subscribed(_));
         let given_up = self.session.counters().events_refused;
         let were_gone = self.session.clients_gone().is_some();
         self.session.handle(at, event);
@@ -233,8 +237,8 @@ impl Protocol for Speaker {
         self.count(at);
     }
 
-    fn tick(&mut self, at: Moment) {
-        self.look(at);
+    fn tick(&mut self, at: ClockMoment) {
+        self.refresh(at);
         self.session.tick(at);
         self.pass_inward(at);
         self.count(at);
@@ -247,19 +251,19 @@ impl Protocol for Speaker {
             .min()
     }
 
-    fn next_packet(&mut self, at: Moment) -> Option<Packet> {
+    fn next_packet(&mut self, at: ClockMoment) -> Option<ClientPacket> {
         loop {
             self.pass_inward(at);
             match self.session.next_act(at, &self.views, &self.lines)? {
-                Act::Subscribe(filters) => return Some(Packet::Subscribe(filters)),
-                Act::Publish(publication) => return Some(Packet::Publish(publication)),
-                Act::Reconnect(reason) => return Some(Packet::Reconnect(reason)),
-                inward => self.carry_out(at, inward),
+                MqttAct::Subscribe(filters) => return Some(ClientPacket::Subscribe(filters)),
+                MqttAct::Publish(publication) => return Some(ClientPacket::Publish(publication)),
+                MqttAct::Reconnect(reason) => return Some(ClientPacket::Reconnect(reason)),
+                inward => self.execute(at, inward),
             }
         }
     }
 
-    fn contested(&mut self, rival: Option<Rival>) {
+    fn contested(&mut self, rival: Option<ClientRival>) {
         self.totals.contested(rival.is_some());
     }
 
@@ -267,8 +271,8 @@ impl Protocol for Speaker {
         self.totals.set_lost(reason);
     }
 
-    fn farewell(&mut self, at: Moment) -> Vec<Publication> {
-        self.look(at);
+    fn farewell(&mut self, at: ClockMoment) -> Vec<Publication> {
+        self.refresh(at);
         self.session.see_roles(at, &self.lines);
         self.session.farewell(at)
     }

@@ -1,6 +1,6 @@
 //! The stream to the broker: TCP, and TLS over it.
 
-use super::incident::{Broken, Cause};
+use super::incident::{BrokenConnection, EndCause};
 use super::reason;
 use rustls::ClientConfig;
 use rustls::pki_types::ServerName;
@@ -12,13 +12,13 @@ use tokio::net::{TcpSocket, TcpStream, lookup_host};
 use tokio_rustls::TlsConnector;
 
 /// Bytes in both directions.
-pub trait Stream: AsyncRead + AsyncWrite + Send + Unpin {}
+pub trait BrokerStream: AsyncRead + AsyncWrite + Send + Unpin {}
 
-impl<T: AsyncRead + AsyncWrite + Send + Unpin> Stream for T {}
+impl<T: AsyncRead + AsyncWrite + Send + Unpin> BrokerStream for T {}
 
 /// The address of the broker, and how it is authenticated.
 #[derive(Debug)]
-pub struct Target {
+pub struct BrokerTarget {
     pub host: String,
     pub port: u16,
     /// `None` for plain TCP.
@@ -26,7 +26,7 @@ pub struct Target {
 }
 
 /// Connects. The caller limits the time.
-pub async fn connect(target: &Target) -> Result<Box<dyn Stream>, Broken> {
+pub async fn connect(target: &BrokerTarget) -> Result<Box<dyn BrokerStream>, BrokenConnection> {
     let tcp = connect_tcp(target).await.map_err(|error| of_tcp(&error))?;
     let Some(config) = &target.tls else {
         return Ok(Box::new(tcp));
@@ -46,7 +46,7 @@ pub async fn connect(target: &Target) -> Result<Box<dyn Stream>, Broken> {
 }
 
 /// Tries each address of the name in turn.
-async fn connect_tcp(target: &Target) -> Result<TcpStream, Error> {
+async fn connect_tcp(target: &BrokerTarget) -> Result<TcpStream, Error> {
     let mut last = Error::new(ErrorKind::InvalidInput, "could not resolve to any address");
     for address in lookup_host(format!("{}:{}", target.host, target.port)).await? {
         let socket = match address {
@@ -62,23 +62,23 @@ async fn connect_tcp(target: &Target) -> Result<TcpStream, Error> {
     Err(last)
 }
 
-fn of_tcp(error: &Error) -> Broken {
+fn of_tcp(error: &Error) -> BrokenConnection {
     // An established connection is reset or closed; only an attempt can be refused.
     let is_unsent = error.kind() == ErrorKind::ConnectionRefused;
-    Broken {
+    BrokenConnection {
         reason: error.to_string(),
         is_fresh: false,
-        cause: Cause::Gone,
+        cause: EndCause::Gone,
         is_unsent,
     }
 }
 
 /// A failure before CONNECT, which follows the handshake.
-const fn of_tls(reason: String) -> Broken {
-    Broken {
+const fn of_tls(reason: String) -> BrokenConnection {
+    BrokenConnection {
         reason,
         is_fresh: true,
-        cause: Cause::Other,
+        cause: EndCause::Other,
         is_unsent: true,
     }
 }

@@ -1,6 +1,6 @@
 //! A broker for tests that does exactly what the test says, byte by byte.
 
-use crate::north::broker::Version;
+use crate::north::broker::MqttVersion;
 use std::net::SocketAddr;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
@@ -14,13 +14,13 @@ pub const DISCONNECT: u8 = 14;
 /// A listener for clients.
 pub struct Stub {
     listener: TcpListener,
-    version: Version,
+    version: MqttVersion,
 }
 
 /// One connection of a client.
 pub struct Peer {
     stream: TcpStream,
-    version: Version,
+    version: MqttVersion,
 }
 
 /// A packet from the client.
@@ -41,12 +41,12 @@ pub struct Published {
 }
 
 impl Stub {
-    pub async fn new(version: Version) -> Self {
+    pub async fn new(version: MqttVersion) -> Self {
         Self::at("127.0.0.1:0".parse().unwrap(), version).await
     }
 
     /// Listens on the address of an earlier stub.
-    pub async fn at(address: SocketAddr, version: Version) -> Self {
+    pub async fn at(address: SocketAddr, version: MqttVersion) -> Self {
         Self {
             listener: TcpListener::bind(address).await.unwrap(),
             version,
@@ -133,7 +133,7 @@ impl Peer {
             identifier = u16::from_be_bytes([rest[0], rest[1]]);
             rest = &rest[2..];
         }
-        if self.version == Version::V5 {
+        if self.version == MqttVersion::V5 {
             rest = &rest[1 + usize::from(rest[0])..];
         }
         Published {
@@ -193,7 +193,7 @@ impl Peer {
     }
 
     fn add_properties(&self, body: &mut Vec<u8>, properties: &[u8]) {
-        if self.version == Version::V5 {
+        if self.version == MqttVersion::V5 {
             body.push(u8::try_from(properties.len()).unwrap());
             body.extend(properties);
         }

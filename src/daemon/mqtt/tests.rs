@@ -5,7 +5,9 @@ mod writing;
 
 use super::stub::{CONNECT, DISCONNECT, PUBACK, PUBLISH, Peer, SUBSCRIBE, Stub};
 use super::*;
-use crate::north::broker::{Broker, Filter, Qos, Refusal, Version};
+use crate::north::broker::{
+    BrokerLimits, MqttVersion, PublicationRefusal, Qos, SubscriptionFilter,
+};
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::net::SocketAddr;
@@ -13,19 +15,19 @@ use std::time::Duration;
 use tokio::sync::Notify;
 use tokio::time::{Instant, sleep, timeout};
 
-const VERSIONS: [Version; 2] = [Version::V4, Version::V5];
+const VERSIONS: [MqttVersion; 2] = [MqttVersion::V4, MqttVersion::V5];
 
 /// An event that a talk has received.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Outcome {
-    Connected(Broker),
+    Connected(BrokerLimits),
     Subscribed(Vec<bool>),
     Message(Text),
     Acknowledged(u64),
-    Refused(u64, Refusal),
+    Refused(u64, PublicationRefusal),
     Stalled,
     Lost,
-    Contested(Option<Rival>),
+    Contested(Option<ClientRival>),
 }
 
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -43,9 +45,9 @@ struct Text {
 #[derive(Default)]
 struct Script {
     told: Vec<Outcome>,
-    packets: VecDeque<Packet>,
+    packets: VecDeque<ClientPacket>,
     /// Sent at each connection.
-    greeting: Vec<Packet>,
+    greeting: Vec<ClientPacket>,
     farewell: Vec<Publication>,
     leaves_will: bool,
     /// Publishes payloads of this size endlessly.
@@ -58,7 +60,7 @@ struct Script {
     ticks: u32,
 }
 
-impl Protocol for Script {
+impl BrokerConversation for Script {
     fn unsent(&mut self) {
         self.unsent += 1;
     }
@@ -68,14 +70,14 @@ impl Protocol for Script {
         text("will", &format!("will {}", self.wills.borrow()))
     }
 
-    fn handle(&mut self, _at: Moment, event: Event<'_>) {
+    fn handle(&mut self, _at: ClockMoment, event: BrokerEvent<'_>) {
         self.told.push(match event {
-            Event::Connected(broker) => {
+            BrokerEvent::Connected(broker) => {
                 self.packets = self.greeting.clone().into();
                 Outcome::Connected(broker)
             }
-            Event::Subscribed(granted) => Outcome::Subscribed(granted),
-            Event::Message(message) => Outcome::Message(Text {
+            BrokerEvent::Subscribed(granted) => Outcome::Subscribed(granted),
+            BrokerEvent::Message(message) => Outcome::Message(Text {
                 topic: message.topic.to_owned(),
                 payload: message.payload.to_vec(),
                 retain: message.retain,
@@ -84,14 +86,14 @@ impl Protocol for Script {
                 response_topic: message.response_topic.map(ToOwned::to_owned),
                 correlation: message.correlation.map(ToOwned::to_owned),
             }),
-            Event::Acknowledged(token) => Outcome::Acknowledged(token),
-            Event::Refused(token, refusal) => Outcome::Refused(token, refusal),
-            Event::Stalled(_) => Outcome::Stalled,
-            Event::Lost => Outcome::Lost,
+            BrokerEvent::Acknowledged(token) => Outcome::Acknowledged(token),
+            BrokerEvent::Refused(token, refusal) => Outcome::Refused(token, refusal),
+            BrokerEvent::Stalled(_) => Outcome::Stalled,
+            BrokerEvent::Lost => Outcome::Lost,
         });
     }
 
-    fn tick(&mut self, _at: Moment) {
+    fn tick(&mut self, _at: ClockMoment) {
         self.ticks += 1;
     }
 
@@ -99,7 +101,7 @@ impl Protocol for Script {
         self.is_due.then(MonoTime::default)
     }
 
-    fn next_packet(&mut self, _at: Moment) -> Option<Packet> {
+    fn next_packet(&mut self, _at: ClockMoment) -> Option<ClientPacket> {
         let connected = self
             .told
             .iter()
@@ -110,14 +112,14 @@ impl Protocol for Script {
             .filter(|_| matches!(connected, Some(Outcome::Connected(_))));
         self.packets
             .pop_front()
-            .or_else(|| flood.map(|bytes| Packet::Publish(text("flood", &"x".repeat(bytes)))))
+            .or_else(|| flood.map(|bytes| ClientPacket::Publish(text("flood", &"x".repeat(bytes)))))
     }
 
-    fn contested(&mut self, rival: Option<Rival>) {
+    fn contested(&mut self, rival: Option<ClientRival>) {
         self.told.push(Outcome::Contested(rival));
     }
 
-    fn farewell(&mut self, _at: Moment) -> Vec<Publication> {
+    fn farewell(&mut self, _at: ClockMoment) -> Vec<Publication> {
         std::mem::take(&mut self.farewell)
     }
 
@@ -132,11 +134,11 @@ struct Rig {
     talk: RefCell<Script>,
     bell: Notify,
     stop: Notify,
-    counters: Counters,
+    counters: ClientCounters,
 }
 
 impl Rig {
-    fn greeting(packets: Vec<Packet>) -> Self {
+    fn greeting(packets: Vec<ClientPacket>) -> Self {
         Self {
             talk: RefCell::new(Script {
                 greeting: packets,
@@ -147,14 +149,19 @@ impl Rig {
     }
 
     /// Runs the client until `broker` is done.
-    async fn run<O>(&self, stub: &Stub, version: Version, broker: impl Future<Output = O>) -> O {
+    async fn run<O>(
+        &self,
+        stub: &Stub,
+        version: MqttVersion,
+        broker: impl Future<Output = O>,
+    ) -> O {
         self.run_at(stub.address(), version, broker).await
     }
 
     async fn run_at<O>(
         &self,
         address: SocketAddr,
-        version: Version,
+        version: MqttVersion,
         broker: impl Future<Output = O>,
     ) -> O {
         tokio::select! {
@@ -180,13 +187,13 @@ impl Rig {
         self.told()
     }
 
-    fn say(&self, packet: Packet) {
+    fn say(&self, packet: ClientPacket) {
         self.talk.borrow_mut().packets.push_back(packet);
         self.bell.notify_one();
     }
 }
 
-fn settings(address: SocketAddr, version: Version) -> ConnectionSettings {
+fn settings(address: SocketAddr, version: MqttVersion) -> ConnectionSettings {
     ConnectionSettings {
         host: address.ip().to_string(),
         port: address.port(),
@@ -197,7 +204,7 @@ fn settings(address: SocketAddr, version: Version) -> ConnectionSettings {
         password: None,
         keep_alive: Duration::from_secs(5),
         version,
-        keeps: Keeps::Nothing,
+        keeps: BrokerKeeps::Nothing,
     }
 }
 
@@ -213,8 +220,8 @@ fn text(topic: &str, payload: &str) -> Publication {
     }
 }
 
-fn with_token(token: u64) -> Packet {
-    Packet::Publish(Publication {
+fn with_token(token: u64) -> ClientPacket {
+    ClientPacket::Publish(Publication {
         qos: Qos::AtLeastOnce,
         token: Some(token),
         ..text("record", &token.to_string())
@@ -233,7 +240,7 @@ fn acknowledged(told: &[Outcome]) -> Vec<u64> {
         .collect()
 }
 
-const ANY: Broker = Broker {
+const ANY: BrokerLimits = BrokerLimits {
     maximum_packet_bytes: None,
     retains: true,
 };
@@ -265,13 +272,13 @@ async fn a_broker_that_never_answers_connect_is_given_up_in_time() {
 #[tokio::test]
 async fn an_attempt_that_ends_before_connect_is_reported_as_unsent() {
     let rig = Rig::default();
-    let tls = TlsSettings {
+    let tls = BrokerTls {
         ca_file: Some("/no/such/authority.pem".into()),
-        ..TlsSettings::default()
+        ..BrokerTls::default()
     };
     let settings = ConnectionSettings {
         tls: Some(tls),
-        ..settings("127.0.0.1:1".parse().unwrap(), Version::V5)
+        ..settings("127.0.0.1:1".parse().unwrap(), MqttVersion::V5)
     };
     let twice = async {
         while rig.talk.borrow().unsent < 2 {
@@ -357,10 +364,10 @@ async fn a_message_above_the_limit_does_not_make_the_client_spin() {
     }
 }
 
-fn filters(paths: &[&str]) -> Vec<Filter> {
+fn filters(paths: &[&str]) -> Vec<SubscriptionFilter> {
     paths
         .iter()
-        .map(|path| Filter {
+        .map(|path| SubscriptionFilter {
             path: (*path).to_owned(),
             qos: Qos::AtLeastOnce,
             wants_retained: false,
@@ -401,9 +408,9 @@ async fn a_message_against_the_protocol_ends_the_connection_and_is_not_handed_ov
         .into_iter()
         .chain([alias(0), alias(1), [alias(1), alias(2)].concat()])
     {
-        let stub = Stub::new(Version::V5).await;
+        let stub = Stub::new(MqttVersion::V5).await;
         let rig = Rig::default();
-        rig.run(&stub, Version::V5, async {
+        rig.run(&stub, MqttVersion::V5, async {
             let mut peer = stub.welcome().await;
             peer.publish("run", b"forward", &properties).await;
             peer.publish("run", b"forward", &[]).await;
@@ -450,9 +457,9 @@ async fn a_message_with_every_property_once_is_handed_over() {
         (Vec::new(), b""),
         (vec![1, 0], b"x"),
     ] {
-        let stub = Stub::new(Version::V5).await;
+        let stub = Stub::new(MqttVersion::V5).await;
         let rig = Rig::default();
-        let told = rig.run(&stub, Version::V5, async {
+        let told = rig.run(&stub, MqttVersion::V5, async {
             let mut peer = stub.welcome().await;
             peer.publish("run", payload, &properties).await;
             rig.told_at_least(2).await
@@ -515,7 +522,7 @@ async fn a_refused_filter_is_reported_in_its_place() {
     for version in VERSIONS {
         let filters = filters(&["a/+/set", "b/#"]);
         let stub = Stub::new(version).await;
-        let rig = Rig::greeting(vec![Packet::Subscribe(filters)]);
+        let rig = Rig::greeting(vec![ClientPacket::Subscribe(filters)]);
         let (options, told) = rig
             .run(&stub, version, async {
                 let mut peer = stub.welcome().await;
@@ -696,9 +703,9 @@ async fn the_bell_and_the_wish_to_reconnect_are_heard() {
         rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             rig.told_at_least(1).await;
-            rig.say(Packet::Publish(text("news", "1")));
+            rig.say(ClientPacket::Publish(text("news", "1")));
             assert_eq!(peer.published().await.payload, b"1");
-            rig.say(Packet::Reconnect("a test"));
+            rig.say(ClientPacket::Reconnect("a test"));
             while peer.read().await.is_some() {}
             stub.welcome().await;
             assert_eq!(rig.told_at_least(3).await[1], Outcome::Lost);
@@ -745,7 +752,7 @@ async fn who_leaves_the_will_to_the_broker_sends_no_disconnect_with_mqtt_5() {
         .unwrap();
         assert_eq!(
             end,
-            (version == Version::V4).then_some(DISCONNECT),
+            (version == MqttVersion::V4).then_some(DISCONNECT),
             "{version:?}"
         );
     }
@@ -798,7 +805,7 @@ async fn the_last_words_come_before_disconnect_and_are_waited_for() {
 
 #[tokio::test]
 async fn what_the_broker_would_not_take_is_dropped_and_the_rest_goes_out() {
-    let version = Version::V5;
+    let version = MqttVersion::V5;
     let stub = Stub::new(version).await;
     // With topic, length and properties the first has exactly 100 bytes, the second one more.
     let fits = Publication {
@@ -815,7 +822,7 @@ async fn what_the_broker_would_not_take_is_dropped_and_the_rest_goes_out() {
         ..text("last", "")
     };
     let packets = [too_large, wildcard, fits, retained]
-        .map(Packet::Publish)
+        .map(ClientPacket::Publish)
         .to_vec();
     let rig = Rig::greeting(packets);
     rig.run(&stub, version, async {
@@ -830,7 +837,7 @@ async fn what_the_broker_would_not_take_is_dropped_and_the_rest_goes_out() {
     assert_eq!(rig.counters.dropped.get(), 2);
     assert_eq!(
         rig.told(),
-        [Outcome::Connected(Broker {
+        [Outcome::Connected(BrokerLimits {
             maximum_packet_bytes: Some(100),
             retains: false
         })]
@@ -839,14 +846,14 @@ async fn what_the_broker_would_not_take_is_dropped_and_the_rest_goes_out() {
 
 #[tokio::test]
 async fn the_properties_of_mqtt_5_go_both_ways() {
-    let version = Version::V5;
+    let version = MqttVersion::V5;
     let stub = Stub::new(version).await;
     let response = Publication {
         expiry: Some(Duration::from_millis(1500)),
         correlation: Some(vec![0xAB, 0xCD]),
         ..text("answer", "")
     };
-    let rig = Rig::greeting(vec![Packet::Publish(response)]);
+    let rig = Rig::greeting(vec![ClientPacket::Publish(response)]);
     let (body, told) = rig
         .run(&stub, version, async {
             let mut peer = stub.welcome().await;
@@ -875,7 +882,7 @@ async fn the_properties_of_mqtt_5_go_both_ways() {
 
 #[tokio::test(start_paused = true)]
 async fn a_broker_that_wants_no_keep_alive_is_not_flooded_with_pings() {
-    let version = Version::V5;
+    let version = MqttVersion::V5;
     let stub = Stub::new(version).await;
     let rig = Rig::default();
     let pings = rig.run(&stub, version, async {
@@ -950,7 +957,7 @@ async fn acknowledge_all(peer: &mut Peer, count: u64) {
     }
 }
 
-fn rivals(told: &[Outcome]) -> Vec<Option<Rival>> {
+fn rivals(told: &[Outcome]) -> Vec<Option<ClientRival>> {
     told.iter()
         .filter_map(|told| {
             if let Outcome::Contested(rival) = told {
@@ -964,7 +971,7 @@ fn rivals(told: &[Outcome]) -> Vec<Option<Rival>> {
 
 #[tokio::test(start_paused = true)]
 async fn a_broker_that_names_a_rival_is_not_fought_over() {
-    let version = Version::V5;
+    let version = MqttVersion::V5;
     let stub = Stub::new(version).await;
     let rig = Rig::default();
     let mut connections = 0_usize;
@@ -989,7 +996,7 @@ async fn a_broker_that_names_a_rival_is_not_fought_over() {
     assert!((8..=20).contains(&connections), "{connections} in 5 min");
     let rivals = rivals(&rig.told());
     assert!(
-        rivals.len() >= connections - 1 && rivals.iter().all(|it| *it == Some(Rival::Told)),
+        rivals.len() >= connections - 1 && rivals.iter().all(|it| *it == Some(ClientRival::Told)),
         "{rivals:?}"
     );
 }
@@ -1022,7 +1029,9 @@ async fn a_broker_that_only_closes_short_connections_makes_a_rival_suspected_unt
         let suspected = rivals(&rig.told());
         assert!(suspected.len() + 5 >= connections, "{suspected:?}");
         assert!(
-            suspected.iter().all(|it| *it == Some(Rival::Suspected)),
+            suspected
+                .iter()
+                .all(|it| *it == Some(ClientRival::Suspected)),
             "{suspected:?}"
         );
         rig.talk.borrow_mut().told.clear();
@@ -1045,7 +1054,7 @@ async fn a_broker_that_only_closes_short_connections_makes_a_rival_suspected_unt
         assert!(ended.is_err());
         assert_eq!(
             rivals(&rig.told()),
-            [Some(Rival::Suspected), None],
+            [Some(ClientRival::Suspected), None],
             "{version:?}"
         );
     }
@@ -1103,7 +1112,7 @@ async fn the_subscription_is_asked_for_again_on_every_connection() {
     for version in VERSIONS {
         let filters = filters(&["a/+/set", "b/#"]);
         let stub = Stub::new(version).await;
-        let rig = Rig::greeting(vec![Packet::Subscribe(filters)]);
+        let rig = Rig::greeting(vec![ClientPacket::Subscribe(filters)]);
         rig.run(&stub, version, async {
             for _ in 0..3 {
                 let mut peer = stub.accept().await;
@@ -1114,7 +1123,7 @@ async fn the_subscription_is_asked_for_again_on_every_connection() {
                     0x02,
                     "{version:?}: the broker keeps nothing for us"
                 );
-                if version == Version::V5 {
+                if version == MqttVersion::V5 {
                     // Without a session expiry interval (0x11) it is 0.
                     let properties = &connect.body[11..11 + usize::from(connect.body[10])];
                     assert!(!properties.contains(&0x11), "{properties:?}");
@@ -1133,10 +1142,10 @@ async fn the_subscription_is_asked_for_again_on_every_connection() {
 }
 
 /// QoS 1; with MQTT 5 the retain flag as published, and no retained messages.
-const fn options_of(version: Version) -> u8 {
+const fn options_of(version: MqttVersion) -> u8 {
     match version {
-        Version::V4 => 0x01,
-        Version::V5 => 0x01 | 0x08 | 0x20,
+        MqttVersion::V4 => 0x01,
+        MqttVersion::V5 => 0x01 | 0x08 | 0x20,
     }
 }
 
@@ -1146,7 +1155,7 @@ async fn an_answer_to_a_subscription_that_has_too_few_or_too_many_codes_is_repor
         for codes in [&[1][..], &[1, 1, 1]] {
             let filters = filters(&["a/+/set", "b/#"]);
             let stub = Stub::new(version).await;
-            let rig = Rig::greeting(vec![Packet::Subscribe(filters)]);
+            let rig = Rig::greeting(vec![ClientPacket::Subscribe(filters)]);
             let told = rig.run(&stub, version, async {
                 let mut peer = stub.welcome().await;
                 let subscribe = peer.expect(SUBSCRIBE).await;
@@ -1170,7 +1179,10 @@ async fn it_talks_with_the_broker_for_trying_out() {
     let address = listening.address();
     tokio::spawn(listening.serve());
     for version in VERSIONS {
-        let rig = Rig::greeting(vec![Packet::Subscribe(filters(&["record"])), with_token(5)]);
+        let rig = Rig::greeting(vec![
+            ClientPacket::Subscribe(filters(&["record"])),
+            with_token(5),
+        ]);
         let told = rig.run_at(address, version, rig.told_at_least(4)).await;
         assert!(
             told.contains(&Outcome::Subscribed(vec![true])),
@@ -1205,18 +1217,18 @@ async fn what_is_retained_in_the_broker_for_trying_out_stays_and_the_will_comes(
         token: Some(1),
         ..text("kept", "value")
     };
-    let watcher = Rig::greeting(vec![Packet::Subscribe(filters(&["kept", "will"]))]);
-    let writer = Rig::greeting(vec![Packet::Publish(kept)]);
+    let watcher = Rig::greeting(vec![ClientPacket::Subscribe(filters(&["kept", "will"]))]);
+    let writer = Rig::greeting(vec![ClientPacket::Publish(kept)]);
     // Dropped without a farewell, so that its will is published.
     writer
-        .run_at(address, Version::V5, writer.told_at_least(2))
+        .run_at(address, MqttVersion::V5, writer.told_at_least(2))
         .await;
     let again = Rig::default();
     let mut told = watcher
-        .run_at(address, Version::V4, async {
+        .run_at(address, MqttVersion::V4, async {
             watcher.told_at_least(3).await;
             again
-                .run_at(address, Version::V5, again.told_at_least(1))
+                .run_at(address, MqttVersion::V5, again.told_at_least(1))
                 .await;
             watcher.told_at_least(4).await
         })

@@ -1,6 +1,6 @@
 //! TLS to the broker: trusted authorities, and our own certificate.
 
-use super::settings::TlsSettings;
+use super::settings::BrokerTls;
 use crate::daemon::host::pem_files::{FileError, certificates, key as key_of};
 use rustls::crypto::ring;
 use rustls::{ClientConfig, RootCertStore};
@@ -25,12 +25,12 @@ pub enum TlsError {
 ///
 /// # Errors
 /// What is wrong with them.
-pub fn check(settings: &TlsSettings) -> Result<(), TlsError> {
+pub fn check(settings: &BrokerTls) -> Result<(), TlsError> {
     config(settings).map(|_| ())
 }
 
 /// Reads the files on another thread: they may be many and slow. `None` without settings.
-pub async fn read(settings: Option<TlsSettings>) -> Result<Option<Arc<ClientConfig>>, String> {
+pub async fn read(settings: Option<BrokerTls>) -> Result<Option<Arc<ClientConfig>>, String> {
     let Some(settings) = settings else {
         return Ok(None);
     };
@@ -43,7 +43,7 @@ pub async fn read(settings: Option<TlsSettings>) -> Result<Option<Arc<ClientConf
 }
 
 /// Reads the files. Done for every connection, so that renewed certificates are used without a restart.
-pub fn config(settings: &TlsSettings) -> Result<Arc<ClientConfig>, TlsError> {
+pub fn config(settings: &BrokerTls) -> Result<Arc<ClientConfig>, TlsError> {
     let roots = roots(settings.ca_file.as_deref())?;
     // The provider is named, so that it does not matter what other parts of the process install.
     let config = ClientConfig::builder_with_provider(Arc::new(ring::default_provider()))
@@ -85,7 +85,7 @@ mod tests {
 
     #[test]
     fn a_missing_file_is_named() {
-        let settings = TlsSettings {
+        let settings = BrokerTls {
             ca_file: Some("/nowhere/ca.pem".into()),
             client_cert: None,
         };
@@ -95,7 +95,7 @@ mod tests {
 
     #[test]
     fn a_file_without_certificates_trusts_nobody() {
-        let settings = TlsSettings {
+        let settings = BrokerTls {
             ca_file: Some("/dev/null".into()),
             client_cert: None,
         };

@@ -1,10 +1,12 @@
 //! MQTT 3.1.1: conversion between the client library's types and ours.
 
-use super::exchange::Protocol;
-use super::incident::{self, Broken, Cause, Incident, NotQueued, Received, Terms};
+use super::exchange::ProtocolState;
+use super::incident::{
+    self, BrokenConnection, BrokerTerms, ConnectionIncident, EndCause, NotQueued, ReceivedMessage,
+};
 use super::reason;
-use super::settings::{ConnectionSettings, Keeps, Secret};
-use crate::north::broker::{Filter, Publication, Qos};
+use super::settings::{BrokerKeeps, ConnectionSettings, HiddenText};
+use crate::north::broker::{Publication, Qos, SubscriptionFilter};
 use bytes::BytesMut;
 use rumqttc::mqttbytes::Error as BytesError;
 use rumqttc::{
@@ -26,7 +28,7 @@ impl V4 {
     pub fn new(settings: &ConnectionSettings, will: Publication) -> Self {
         let mut connect = Connect::new(&settings.client_id);
         connect.keep_alive = incident::keep_alive_seconds(settings);
-        connect.clean_session = settings.keeps == Keeps::Nothing;
+        connect.clean_session = settings.keeps == BrokerKeeps::Nothing;
         connect.last_will = Some(LastWill::new(
             will.topic,
             will.payload,
@@ -34,7 +36,7 @@ impl V4 {
             will.retain,
         ));
         if settings.user.is_some() || settings.password.is_some() {
-            let password = settings.password.as_ref().map_or("", Secret::expose);
+            let password = settings.password.as_ref().map_or("", HiddenText::expose);
             connect.login = Some(Login::new(
                 settings.user.as_deref().unwrap_or_default(),
                 password,
@@ -47,13 +49,13 @@ impl V4 {
     }
 }
 
-impl Protocol for V4 {
+impl ProtocolState for V4 {
     type Packet = Packet;
     type Request = Request;
     const FLUSH_MAX: Option<Duration> = Some(incident::CONNECT_TIMEOUT);
     const CONNECT_OVERDUE: &str = "Network timeout";
 
-    fn decode(bytes: &mut BytesMut) -> Result<Option<Packet>, Broken> {
+    fn decode(bytes: &mut BytesMut) -> Result<Option<Packet>, BrokenConnection> {
         match Packet::read(bytes, incident::PACKET_MAX) {
             Ok(packet) => Ok(Some(packet)),
             Err(BytesError::InsufficientBytes(_)) => Ok(None),
@@ -61,7 +63,7 @@ impl Protocol for V4 {
         }
     }
 
-    fn encode(&self, packet: Packet, bytes: &mut BytesMut) -> Result<(), Broken> {
+    fn encode(&self, packet: Packet, bytes: &mut BytesMut) -> Result<(), BrokenConnection> {
         packet
             .write(bytes, incident::PACKET_MAX)
             .map(|_| ())
@@ -72,7 +74,7 @@ impl Protocol for V4 {
         Packet::Connect(self.connect.clone())
     }
 
-    fn accept(&mut self, packet: Packet) -> Result<Option<Duration>, Broken> {
+    fn accept(&mut self, packet: Packet) -> Result<Option<Duration>, BrokenConnection> {
         match packet {
             Packet::ConnAck(answer) if answer.code == ConnectReturnCode::Success => {
                 self.state
@@ -87,7 +89,7 @@ impl Protocol for V4 {
         }
     }
 
-    fn incoming(&mut self, packet: Packet) -> Result<Option<Packet>, Broken> {
+    fn incoming(&mut self, packet: Packet) -> Result<Option<Packet>, BrokenConnection> {
         self.state.handle_incoming_packet(packet).map_err(of_state)
     }
 
@@ -95,15 +97,15 @@ impl Protocol for V4 {
         self.state.inflight() < incident::INFLIGHT_MAX && self.state.collision.is_none()
     }
 
-    fn outgoing(&mut self, request: Request) -> Result<Option<Packet>, Broken> {
+    fn outgoing(&mut self, request: Request) -> Result<Option<Packet>, BrokenConnection> {
         self.state.handle_outgoing_packet(request).map_err(of_state)
     }
 
-    fn ping(&mut self) -> Result<Option<Packet>, Broken> {
+    fn ping(&mut self) -> Result<Option<Packet>, BrokenConnection> {
         self.outgoing(Request::PingReq(PingReq))
     }
 
-    fn next_incident(&mut self) -> Option<Incident> {
+    fn next_incident(&mut self) -> Option<ConnectionIncident> {
         self.state.events.pop_front().map(incident)
     }
 
@@ -113,11 +115,11 @@ impl Protocol for V4 {
             .retain(|event| matches!(event, Event::Incoming(_)));
     }
 
-    fn io(error: io::Error) -> Broken {
+    fn io(error: io::Error) -> BrokenConnection {
         of_codec(BytesError::Io(error))
     }
 
-    fn closed() -> Broken {
+    fn closed() -> BrokenConnection {
         of_state(StateError::ConnectionAborted)
     }
 }
@@ -132,7 +134,10 @@ pub fn publish(queue: &Sender<Request>, it: Publication) -> Result<(), NotQueued
 }
 
 /// Queues a subscription.
-pub fn subscribe(queue: &Sender<Request>, filters: Vec<Filter>) -> Result<(), NotQueued> {
+pub fn subscribe(
+    queue: &Sender<Request>,
+    filters: Vec<SubscriptionFilter>,
+) -> Result<(), NotQueued> {
     incident::check_filters(&filters)?;
     let filters = filters
         .into_iter()
@@ -160,25 +165,29 @@ pub const fn packet_bytes(it: &Publication) -> usize {
 }
 
 /// Converts an event.
-fn incident(event: Event) -> Incident {
+fn incident(event: Event) -> ConnectionIncident {
     match event {
         Event::Incoming(packet) => heard(packet),
-        Event::Outgoing(Outgoing::Publish(identifier)) => Incident::PublicationLeft(identifier),
-        Event::Outgoing(Outgoing::Subscribe(_) | Outgoing::Disconnect) => Incident::OtherLeft,
-        Event::Outgoing(_) => Incident::Nothing,
+        Event::Outgoing(Outgoing::Publish(identifier)) => {
+            ConnectionIncident::PublicationLeft(identifier)
+        }
+        Event::Outgoing(Outgoing::Subscribe(_) | Outgoing::Disconnect) => {
+            ConnectionIncident::OtherLeft
+        }
+        Event::Outgoing(_) => ConnectionIncident::Nothing,
     }
 }
 
-fn of_codec(error: BytesError) -> Broken {
+fn of_codec(error: BytesError) -> BrokenConnection {
     of_state(StateError::Deserialization(error))
 }
 
-fn of_state(error: StateError) -> Broken {
+fn of_state(error: StateError) -> BrokenConnection {
     broken(&ConnectionError::MqttState(error))
 }
 
 /// Why the connection is over. An error of the protocol can only occur after CONNECT.
-fn broken(error: &ConnectionError) -> Broken {
+fn broken(error: &ConnectionError) -> BrokenConnection {
     let is_io = matches!(
         error,
         ConnectionError::MqttState(
@@ -190,12 +199,12 @@ fn broken(error: &ConnectionError) -> Broken {
         ConnectionError::MqttState(StateError::ConnectionAborted)
     );
     let cause = if is_io || is_closed {
-        Cause::Gone
+        EndCause::Gone
     } else {
-        Cause::Other
+        EndCause::Other
     };
     let reason = reason_for(error).unwrap_or_else(|| error.to_string());
-    Broken {
+    BrokenConnection {
         reason,
         is_fresh: !is_io,
         cause,
@@ -220,15 +229,15 @@ fn reason_for(error: &ConnectionError) -> Option<String> {
     }
 }
 
-fn heard(packet: Packet) -> Incident {
+fn heard(packet: Packet) -> ConnectionIncident {
     match packet {
-        Packet::ConnAck(_) => Incident::Connected(Terms::default()),
+        Packet::ConnAck(_) => ConnectionIncident::Connected(BrokerTerms::default()),
         Packet::SubAck(answer) => {
-            Incident::Subscribed(answer.return_codes.iter().map(is_granted).collect())
+            ConnectionIncident::Subscribed(answer.return_codes.iter().map(is_granted).collect())
         }
-        Packet::Publish(publish) => Incident::Message(received(publish)),
-        Packet::PubAck(answer) => Incident::Acknowledged(answer.pkid),
-        _ => Incident::Heard,
+        Packet::Publish(publish) => ConnectionIncident::Message(received(publish)),
+        Packet::PubAck(answer) => ConnectionIncident::Acknowledged(answer.pkid),
+        _ => ConnectionIncident::Heard,
     }
 }
 
@@ -236,8 +245,8 @@ const fn is_granted(code: &SubscribeReasonCode) -> bool {
     matches!(code, SubscribeReasonCode::Success(_))
 }
 
-fn received(publish: Publish) -> Received {
-    Received {
+fn received(publish: Publish) -> ReceivedMessage {
+    ReceivedMessage {
         topic: publish.topic,
         payload: publish.payload,
         retain: publish.retain,

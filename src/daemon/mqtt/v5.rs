@@ -1,10 +1,14 @@
 //! MQTT 5: conversion between the client library's types and ours.
 
-use super::exchange::Protocol;
-use super::incident::{self, Broken, Cause, Incident, NotQueued, Received, Terms};
+use super::exchange::ProtocolState;
+use super::incident::{
+    self, BrokenConnection, BrokerTerms, ConnectionIncident, EndCause, NotQueued, ReceivedMessage,
+};
 use super::reason;
-use super::settings::{ConnectionSettings, Keeps, Secret};
-use crate::north::broker::{Broker, Filter as Wanted, Publication, Qos, Refusal};
+use super::settings::{BrokerKeeps, ConnectionSettings, HiddenText};
+use crate::north::broker::{
+    BrokerLimits, Publication, PublicationRefusal, Qos, SubscriptionFilter,
+};
 use bytes::BytesMut;
 use rumqttc::Outgoing;
 use rumqttc::v5::mqttbytes::v5::{
@@ -42,16 +46,16 @@ impl V5 {
     pub fn new(settings: &ConnectionSettings, will: Publication) -> Self {
         let mut properties = ConnectProperties::new();
         properties.max_packet_size = Some(INCOMING_MAX);
-        if settings.keeps == Keeps::Session {
+        if settings.keeps == BrokerKeeps::Session {
             properties.session_expiry_interval = Some(SESSION_SECONDS);
         }
         let connect = Connect {
             keep_alive: incident::keep_alive_seconds(settings),
             client_id: settings.client_id.clone(),
-            clean_start: settings.keeps == Keeps::Nothing,
+            clean_start: settings.keeps == BrokerKeeps::Nothing,
             properties: Some(properties),
         };
-        let password = settings.password.as_ref().map_or("", Secret::expose);
+        let password = settings.password.as_ref().map_or("", HiddenText::expose);
         let login = (settings.user.is_some() || settings.password.is_some())
             .then(|| Login::new(settings.user.as_deref().unwrap_or_default(), password));
         let state = MqttState::new(incident::INFLIGHT_MAX, false);
@@ -67,13 +71,13 @@ impl V5 {
     }
 }
 
-impl Protocol for V5 {
+impl ProtocolState for V5 {
     type Packet = Packet;
     type Request = Request;
     const FLUSH_MAX: Option<Duration> = None;
     const CONNECT_OVERDUE: &str = "Timeout";
 
-    fn decode(bytes: &mut BytesMut) -> Result<Option<Packet>, Broken> {
+    fn decode(bytes: &mut BytesMut) -> Result<Option<Packet>, BrokenConnection> {
         match Packet::read(bytes, Some(INCOMING_MAX)) {
             Ok(packet) => Ok(Some(packet)),
             Err(BytesError::InsufficientBytes(_)) => Ok(None),
@@ -81,7 +85,7 @@ impl Protocol for V5 {
         }
     }
 
-    fn encode(&self, packet: Packet, bytes: &mut BytesMut) -> Result<(), Broken> {
+    fn encode(&self, packet: Packet, bytes: &mut BytesMut) -> Result<(), BrokenConnection> {
         packet
             .write(bytes, self.outgoing_max)
             .map(|_| ())
@@ -96,7 +100,7 @@ impl Protocol for V5 {
         )
     }
 
-    fn accept(&mut self, packet: Packet) -> Result<Option<Duration>, Broken> {
+    fn accept(&mut self, packet: Packet) -> Result<Option<Duration>, BrokenConnection> {
         let answer = match packet {
             Packet::ConnAck(answer) if answer.code == ConnectReturnCode::Success => answer,
             Packet::ConnAck(answer) => {
@@ -116,7 +120,7 @@ impl Protocol for V5 {
         Ok(keep_alive)
     }
 
-    fn incoming(&mut self, packet: Packet) -> Result<Option<Packet>, Broken> {
+    fn incoming(&mut self, packet: Packet) -> Result<Option<Packet>, BrokenConnection> {
         self.state.handle_incoming_packet(packet).map_err(of_state)
     }
 
@@ -124,15 +128,15 @@ impl Protocol for V5 {
         self.state.inflight() < self.inflight_max && self.state.collision.is_none()
     }
 
-    fn outgoing(&mut self, request: Request) -> Result<Option<Packet>, Broken> {
+    fn outgoing(&mut self, request: Request) -> Result<Option<Packet>, BrokenConnection> {
         self.state.handle_outgoing_packet(request).map_err(of_state)
     }
 
-    fn ping(&mut self) -> Result<Option<Packet>, Broken> {
+    fn ping(&mut self) -> Result<Option<Packet>, BrokenConnection> {
         self.outgoing(Request::PingReq)
     }
 
-    fn next_incident(&mut self) -> Option<Incident> {
+    fn next_incident(&mut self) -> Option<ConnectionIncident> {
         self.state.events.pop_front().map(incident)
     }
 
@@ -142,11 +146,11 @@ impl Protocol for V5 {
             .retain(|event| matches!(event, Event::Incoming(_)));
     }
 
-    fn io(error: io::Error) -> Broken {
+    fn io(error: io::Error) -> BrokenConnection {
         of_codec(BytesError::Io(error))
     }
 
-    fn closed() -> Broken {
+    fn closed() -> BrokenConnection {
         of_state(StateError::ConnectionAborted)
     }
 }
@@ -166,9 +170,12 @@ pub fn publish(queue: &Sender<Request>, it: Publication) -> Result<(), NotQueued
 }
 
 /// Queues a subscription, without retained messages and with the retain flag as published.
-pub fn subscribe(queue: &Sender<Request>, filters: Vec<Wanted>) -> Result<(), NotQueued> {
+pub fn subscribe(
+    queue: &Sender<Request>,
+    filters: Vec<SubscriptionFilter>,
+) -> Result<(), NotQueued> {
     incident::check_filters(&filters)?;
-    let filters = filters.into_iter().map(|it: Wanted| Filter {
+    let filters = filters.into_iter().map(|it: SubscriptionFilter| Filter {
         path: it.path,
         qos: qos(it.qos),
         nolocal: false,
@@ -204,25 +211,29 @@ pub fn packet_bytes(it: &Publication) -> usize {
 }
 
 /// Converts an event.
-fn incident(event: Event) -> Incident {
+fn incident(event: Event) -> ConnectionIncident {
     match event {
         Event::Incoming(packet) => heard(packet),
-        Event::Outgoing(Outgoing::Publish(identifier)) => Incident::PublicationLeft(identifier),
-        Event::Outgoing(Outgoing::Subscribe(_) | Outgoing::Disconnect) => Incident::OtherLeft,
-        Event::Outgoing(_) => Incident::Nothing,
+        Event::Outgoing(Outgoing::Publish(identifier)) => {
+            ConnectionIncident::PublicationLeft(identifier)
+        }
+        Event::Outgoing(Outgoing::Subscribe(_) | Outgoing::Disconnect) => {
+            ConnectionIncident::OtherLeft
+        }
+        Event::Outgoing(_) => ConnectionIncident::Nothing,
     }
 }
 
-fn of_codec(error: BytesError) -> Broken {
+fn of_codec(error: BytesError) -> BrokenConnection {
     of_state(StateError::Deserialization(error))
 }
 
-fn of_state(error: StateError) -> Broken {
+fn of_state(error: StateError) -> BrokenConnection {
     broken(&ConnectionError::MqttState(error))
 }
 
 /// Why the connection is over. An error of the protocol can only occur after CONNECT.
-fn broken(error: &ConnectionError) -> Broken {
+fn broken(error: &ConnectionError) -> BrokenConnection {
     let is_io = matches!(
         error,
         ConnectionError::MqttState(
@@ -233,17 +244,17 @@ fn broken(error: &ConnectionError) -> Broken {
         ConnectionError::MqttState(StateError::ServerDisconnect {
             reason_code: DisconnectReasonCode::SessionTakenOver,
             ..
-        }) => Cause::TakenOver,
+        }) => EndCause::TakenOver,
         ConnectionError::MqttState(StateError::ServerDisconnect {
             reason_code: DisconnectReasonCode::PacketTooLarge,
             ..
-        }) => Cause::TooLarge,
-        ConnectionError::MqttState(StateError::ConnectionAborted) => Cause::Gone,
-        _ if is_io => Cause::Gone,
-        _ => Cause::Other,
+        }) => EndCause::TooLarge,
+        ConnectionError::MqttState(StateError::ConnectionAborted) => EndCause::Gone,
+        _ if is_io => EndCause::Gone,
+        _ => EndCause::Other,
     };
     let reason = reason_for(error).unwrap_or_else(|| error.to_string());
-    Broken {
+    BrokenConnection {
         reason,
         is_fresh: !is_io,
         cause,
@@ -268,46 +279,50 @@ fn reason_for(error: &ConnectionError) -> Option<String> {
     }
 }
 
-fn heard(packet: Packet) -> Incident {
+fn heard(packet: Packet) -> ConnectionIncident {
     match packet {
-        Packet::ConnAck(answer) => Incident::Connected(terms(&answer)),
+        Packet::ConnAck(answer) => ConnectionIncident::Connected(terms(&answer)),
         Packet::SubAck(answer) => {
-            Incident::Subscribed(answer.return_codes.iter().map(is_granted).collect())
+            ConnectionIncident::Subscribed(answer.return_codes.iter().map(is_granted).collect())
         }
         Packet::Publish(publish) => match offence(&publish) {
-            Some(what) => Incident::Offence(what),
-            None => received(publish).map_or(Incident::Heard, Incident::Message),
+            Some(what) => ConnectionIncident::Offence(what),
+            None => {
+                received(publish).map_or(ConnectionIncident::Heard, ConnectionIncident::Message)
+            }
         },
         Packet::PubAck(answer) => match answer.reason {
             PubAckReason::Success | PubAckReason::NoMatchingSubscribers => {
-                Incident::Acknowledged(answer.pkid)
+                ConnectionIncident::Acknowledged(answer.pkid)
             }
-            reason => Incident::Refused(answer.pkid, refusal(reason), format!("{reason:?}")),
+            reason => {
+                ConnectionIncident::Refused(answer.pkid, refusal(reason), format!("{reason:?}"))
+            }
         },
-        _ => Incident::Heard,
+        _ => ConnectionIncident::Heard,
     }
 }
 
-const fn refusal(reason: PubAckReason) -> Refusal {
+const fn refusal(reason: PubAckReason) -> PublicationRefusal {
     match reason {
-        PubAckReason::QuotaExceeded => Refusal::Full,
+        PubAckReason::QuotaExceeded => PublicationRefusal::Full,
         PubAckReason::NotAuthorized
         | PubAckReason::TopicNameInvalid
-        | PubAckReason::PayloadFormatInvalid => Refusal::Never,
-        _ => Refusal::Failed,
+        | PubAckReason::PayloadFormatInvalid => PublicationRefusal::Never,
+        _ => PublicationRefusal::Failed,
     }
 }
 
-fn terms(answer: &ConnAck) -> Terms {
+fn terms(answer: &ConnAck) -> BrokerTerms {
     let Some(properties) = &answer.properties else {
-        return Terms::default();
+        return BrokerTerms::default();
     };
     let limit = properties
         .max_packet_size
         .and_then(|bytes| usize::try_from(bytes).ok());
     let retains = properties.retain_available != Some(0);
-    Terms {
-        broker: Broker {
+    BrokerTerms {
+        broker: BrokerLimits {
             maximum_packet_bytes: limit,
             retains,
         },
@@ -322,7 +337,7 @@ const fn is_granted(code: &SubscribeReasonCode) -> bool {
     matches!(code, SubscribeReasonCode::Success(_))
 }
 
-fn received(publish: Publish) -> Option<Received> {
+fn received(publish: Publish) -> Option<ReceivedMessage> {
     let topic = match String::from_utf8(publish.topic.into()) {
         Ok(topic) if !topic.is_empty() => topic,
         _ => {
@@ -331,7 +346,7 @@ fn received(publish: Publish) -> Option<Received> {
         }
     };
     let properties = publish.properties.unwrap_or_default();
-    Some(Received {
+    Some(ReceivedMessage {
         topic,
         payload: publish.payload,
         retain: publish.retain,

@@ -11,7 +11,7 @@ pub const QUEUE_MAX: usize = 64;
 
 /// What this connection has sent and what is acknowledged. A new connection starts with a new one.
 #[derive(Debug, Default)]
-pub struct Window {
+pub struct SendWindow {
     /// Packets in the connection's queue.
     queued: usize,
     /// The bytes of publications in that queue, in order.
@@ -26,14 +26,14 @@ pub struct Window {
 
 /// A publication that is settled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Settled {
+pub struct SettledPublication {
     /// Its token.
     pub token: Option<u64>,
     /// The broker has taken publications of up to this many bytes: this one and all before it.
     pub taken_bytes: usize,
 }
 
-impl Window {
+impl SendWindow {
     /// Whether the queue has room for another packet.
     pub const fn has_room(&self) -> bool {
         self.queued < QUEUE_MAX
@@ -84,9 +84,9 @@ impl Window {
     }
 
     /// The publication with this identifier is settled.
-    pub fn settle(&mut self, identifier: u16) -> Settled {
+    pub fn settle(&mut self, identifier: u16) -> SettledPublication {
         let (token, taken_bytes) = self.sent.remove(&identifier).unwrap_or_default();
-        Settled { token, taken_bytes }
+        SettledPublication { token, taken_bytes }
     }
 }
 
@@ -96,7 +96,7 @@ mod tests {
 
     #[test]
     fn acknowledgements_in_any_order_find_their_token() {
-        let mut window = Window::default();
+        let mut window = SendWindow::default();
         window.queue_publication(Qos::AtLeastOnce, Some(10), 100);
         window.queue_publication(Qos::AtMostOnce, None, 100);
         window.queue_publication(Qos::AtLeastOnce, None, 100);
@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn an_identifier_that_is_used_again_stands_for_the_new_token() {
-        let mut window = Window::default();
+        let mut window = SendWindow::default();
         for token in [1, 2] {
             window.queue_publication(Qos::AtLeastOnce, Some(token), 100);
         }
@@ -124,7 +124,7 @@ mod tests {
 
     #[test]
     fn an_acknowledgement_proves_what_was_sent_before_it() {
-        let mut window = Window::default();
+        let mut window = SendWindow::default();
         for (qos, bytes) in [
             (Qos::AtMostOnce, 3_000),
             (Qos::AtLeastOnce, 50),
@@ -142,13 +142,13 @@ mod tests {
         assert_eq!(window.settle(1).taken_bytes, 3_000);
         assert_eq!(
             (window.largest_bytes(), window.settle(1)),
-            (4_000, Settled::default())
+            (4_000, SettledPublication::default())
         );
     }
 
     #[test]
     fn it_is_bounded() {
-        let mut window = Window::default();
+        let mut window = SendWindow::default();
         for _ in 0..QUEUE_MAX {
             assert!(window.has_room());
             window.queue_other();

@@ -2,9 +2,9 @@
 //!
 //! All methods are cancel safe: no byte is lost or written twice.
 
-use super::exchange::Protocol;
-use super::incident::{Broken, Cause};
-use super::stream::Stream;
+use super::exchange::ProtocolState;
+use super::incident::{BrokenConnection, EndCause};
+use super::stream::BrokerStream;
 use bytes::BytesMut;
 use std::io::{Error, ErrorKind};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -14,16 +14,16 @@ use tokio::time::timeout;
 const READ_BYTES: usize = 8 * 1024;
 
 /// A stream with its buffers.
-pub struct Wire {
-    stream: Box<dyn Stream>,
+pub struct BrokerWire {
+    stream: Box<dyn BrokerStream>,
     input: BytesMut,
     output: BytesMut,
     /// Whether bytes may still be on their way to the socket.
     is_unflushed: bool,
 }
 
-impl Wire {
-    pub fn new(stream: Box<dyn Stream>) -> Self {
+impl BrokerWire {
+    pub fn new(stream: Box<dyn BrokerStream>) -> Self {
         Self {
             stream,
             input: BytesMut::new(),
@@ -33,7 +33,7 @@ impl Wire {
     }
 
     /// The next packet.
-    pub async fn read<P: Protocol>(&mut self) -> Result<P::Packet, Broken> {
+    pub async fn read<P: ProtocolState>(&mut self) -> Result<P::Packet, BrokenConnection> {
         loop {
             if let Some(packet) = P::decode(&mut self.input)? {
                 return Ok(packet);
@@ -54,13 +54,17 @@ impl Wire {
     }
 
     /// Appends a packet to what is to be written.
-    pub fn put<P: Protocol>(&mut self, protocol: &P, packet: P::Packet) -> Result<(), Broken> {
+    pub fn put<P: ProtocolState>(
+        &mut self,
+        protocol: &P,
+        packet: P::Packet,
+    ) -> Result<(), BrokenConnection> {
         self.is_unflushed = true;
         protocol.encode(packet, &mut self.output)
     }
 
     /// Writes all of it.
-    pub async fn flush<P: Protocol>(&mut self) -> Result<(), Broken> {
+    pub async fn flush<P: ProtocolState>(&mut self) -> Result<(), BrokenConnection> {
         if !self.is_unflushed {
             return Ok(());
         }
@@ -78,11 +82,11 @@ impl Wire {
     }
 }
 
-fn overdue() -> Broken {
-    Broken {
+fn overdue() -> BrokenConnection {
+    BrokenConnection {
         reason: "Flush timeout".to_owned(),
         is_fresh: false,
-        cause: Cause::Other,
+        cause: EndCause::Other,
         is_unsent: false,
     }
 }

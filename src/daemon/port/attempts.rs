@@ -9,17 +9,17 @@ const REOPEN_MAX: Duration = Duration::from_millis(400);
 
 /// How long to wait before a port is retried: longer each time, until it proves good.
 #[derive(Debug)]
-pub struct Attempts {
+pub struct OpenBackoff {
     wait: Duration,
 }
 
-impl Default for Attempts {
+impl Default for OpenBackoff {
     fn default() -> Self {
         Self { wait: REOPEN_FIRST }
     }
 }
 
-impl Attempts {
+impl OpenBackoff {
     /// How long to wait before the next attempt.
     pub fn next_wait(&mut self) -> Duration {
         let longer = (self.wait * 2).min(REOPEN_MAX);
@@ -33,7 +33,7 @@ mod tests {
 
     #[test]
     fn waits_grow_to_less_than_a_second() {
-        let mut attempts = Attempts::default();
+        let mut attempts = OpenBackoff::default();
         let waits: Vec<_> = (0..6).map(|_| attempts.next_wait().as_millis()).collect();
         assert_eq!(waits, [100, 200, 400, 400, 400, 400]);
     }

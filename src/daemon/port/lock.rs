@@ -33,14 +33,18 @@ pub(super) struct PortLock {
     "in use by {holder} (lock file {}); stop it, or give this line a port of its own",
     path.display()
 )]
-pub struct Held {
+pub struct HeldPort {
     holder: String,
     path: PathBuf,
 }
 
 /// Locks `device`, a path without symbolic links, for `line`, in the first directory of `dirs` that can be written.
 /// `None` if there is none: then only the system keeps others from the device, without naming the holder.
-pub(super) fn lock(device: &Path, line: &str, dirs: &[PathBuf]) -> Result<Option<PortLock>, Held> {
+pub(super) fn lock(
+    device: &Path,
+    line: &str,
+    dirs: &[PathBuf],
+) -> Result<Option<PortLock>, HeldPort> {
     lock_waiting(device, line, dirs, &mut || std::thread::sleep(TO_BE_NAMED))
 }
 
@@ -51,12 +55,12 @@ fn lock_waiting(
     line: &str,
     dirs: &[PathBuf],
     wait: &mut dyn FnMut(),
-) -> Result<Option<PortLock>, Held> {
+) -> Result<Option<PortLock>, HeldPort> {
     for dir in dirs {
         let path = dir.join(file_name(device));
         match take(&path, line, wait) {
-            Ok(Taken::Ours(file)) => return Ok(Some(PortLock { _file: file, path })),
-            Ok(Taken::Others(holder)) => return Err(Held { holder, path }),
+            Ok(PortClaim::Ours(file)) => return Ok(Some(PortLock { _file: file, path })),
+            Ok(PortClaim::Others(holder)) => return Err(HeldPort { holder, path }),
             Err(error) => {
                 tracing::debug!(lock = %path.display(), %error, "cannot create the lock file")
             }
@@ -81,24 +85,24 @@ fn file_name(device: &Path) -> String {
     format!("LCK..{}", name.trim_start_matches('/').replace('/', "_"))
 }
 
-enum Taken {
+enum PortClaim {
     Ours(File),
     Others(String),
 }
 
 /// Takes the lock at `path`, or returns its holder. An error means that this directory cannot be used.
-fn take(path: &Path, line: &str, wait: &mut dyn FnMut()) -> io::Result<Taken> {
+fn take(path: &Path, line: &str, wait: &mut dyn FnMut()) -> io::Result<PortClaim> {
     let mut unnamed = false;
     for _ in 0..ATTEMPTS {
         let (mut file, is_ours_to_write) = match open(path) {
             Err(error) if error.kind() == ErrorKind::AlreadyExists => continue,
             opened => opened?,
         };
-        let holder = Holder::read(&mut file)?;
+        let holder = LockHolder::read(&mut file)?;
         match flock(&file, FlockOperation::NonBlockingLockExclusive) {
             Ok(()) => {}
             Err(rustix::io::Errno::WOULDBLOCK) if holder.process.is_some() => {
-                return Ok(Taken::Others(holder.named()));
+                return Ok(PortClaim::Others(holder.description()));
             }
             // Taken a moment ago: the holder is about to write its name.
             Err(rustix::io::Errno::WOULDBLOCK) => {
@@ -113,7 +117,7 @@ fn take(path: &Path, line: &str, wait: &mut dyn FnMut()) -> io::Result<Taken> {
         }
         // A gateway would hold the lock on the file; other programs only leave their process id.
         if holder.program != PROGRAM && holder.is_alive() {
-            return Ok(Taken::Others(holder.named()));
+            return Ok(PortClaim::Others(holder.description()));
         }
         if !is_ours_to_write {
             std::fs::remove_file(path)?;
@@ -122,10 +126,10 @@ fn take(path: &Path, line: &str, wait: &mut dyn FnMut()) -> io::Result<Taken> {
         file.set_len(0)?;
         file.rewind()?;
         file.write_all(format!("{:>10} {PROGRAM} {line}\n", std::process::id()).as_bytes())?;
-        return Ok(Taken::Ours(file));
+        return Ok(PortClaim::Ours(file));
     }
     match unnamed {
-        true => Ok(Taken::Others(Holder::parse("").named())),
+        true => Ok(PortClaim::Others(LockHolder::parse("").description())),
         false => Err(ErrorKind::ResourceBusy.into()),
     }
 }
@@ -165,14 +169,14 @@ fn is_at(file: &File, path: &Path) -> io::Result<bool> {
 
 /// The contents of a lock file.
 #[derive(Debug, PartialEq, Eq)]
-struct Holder {
+struct LockHolder {
     process: Option<u32>,
     program: String,
     /// Additional text of the program: the line, the user.
     more: String,
 }
 
-impl Holder {
+impl LockHolder {
     fn read(file: &mut File) -> io::Result<Self> {
         let mut bytes = Vec::new();
         file.take(TEXT_MAX).read_to_end(&mut bytes)?;
@@ -195,7 +199,7 @@ impl Holder {
             .is_some_and(|process| Path::new("/proc").join(process.to_string()).exists())
     }
 
-    fn named(&self) -> String {
+    fn description(&self) -> String {
         match (self.process, self.program.as_str()) {
             (Some(process), PROGRAM) if process == std::process::id() => {
                 format!("line {} of this gateway", self.more)
@@ -224,7 +228,7 @@ mod tests {
             Self(testing::Dir::new())
         }
 
-        fn lock(&self, device: &str, line: &str) -> Result<Option<PortLock>, Held> {
+        fn lock(&self, device: &str, line: &str) -> Result<Option<PortLock>, HeldPort> {
             lock(Path::new(device), line, &[self.0.to_owned()])
         }
 

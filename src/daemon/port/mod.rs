@@ -8,16 +8,16 @@ mod refused;
 mod serial;
 mod tcp;
 
-pub use attempts::Attempts;
+pub use attempts::OpenBackoff;
 
 use crate::config::PortAddress;
 use crate::domain::link::{DirectionControl, LinkSettings, PortKind};
-use refused::Advice;
+use refused::RefusalAdvice;
 use serial::SerialPort;
 use std::io;
 use std::path::PathBuf;
 use std::task::{Context, Poll};
-use tcp::{Lookup, TcpPort};
+use tcp::{AddressLookup, TcpPort};
 
 /// Which port is opened, and how.
 #[derive(Clone, Debug)]
@@ -40,15 +40,15 @@ pub struct PortSettings {
 
 /// Opens one port again and again.
 #[derive(Debug)]
-pub struct Opener<'a> {
+pub struct PortOpener<'a> {
     settings: &'a PortSettings,
-    lookup: Lookup,
-    advice: Advice,
+    lookup: AddressLookup,
+    advice: RefusalAdvice,
 }
 
 /// An open port.
 #[derive(Debug)]
-pub enum Port {
+pub enum OpenPort {
     /// A device of this host.
     Serial(SerialPort),
     /// A connection.
@@ -65,7 +65,7 @@ pub enum OpenError {
     Refused(#[from] io::Error),
     /// Another process uses the device.
     #[error("{0}")]
-    Taken(#[from] lock::Held),
+    Taken(#[from] lock::HeldPort),
     /// The device did not accept its settings.
     #[error("the device does not take {wanted}: it is set to {held}")]
     Settings {
@@ -87,14 +87,14 @@ pub enum OpenError {
     NoConnection(String),
 }
 
-impl<'a> Opener<'a> {
+impl<'a> PortOpener<'a> {
     /// An opener for the port that `settings` describe.
     #[must_use]
     pub fn new(settings: &'a PortSettings) -> Self {
         Self {
             settings,
-            lookup: Lookup::default(),
-            advice: Advice::default(),
+            lookup: AddressLookup::default(),
+            advice: RefusalAdvice::default(),
         }
     }
 
@@ -102,11 +102,13 @@ impl<'a> Opener<'a> {
     ///
     /// # Errors
     /// [`OpenError`] if the system, the device or the configuration does not allow it.
-    pub async fn open(&mut self) -> Result<Port, OpenError> {
+    pub async fn open(&mut self) -> Result<OpenPort, OpenError> {
         match &self.settings.address {
-            PortAddress::Device(path) => Ok(Port::Serial(SerialPort::open(path, self.settings)?)),
+            PortAddress::Device(path) => {
+                Ok(OpenPort::Serial(SerialPort::open(path, self.settings)?))
+            }
             PortAddress::Tcp { host, port } | PortAddress::ModbusTcp { host, port } => Ok(
-                Port::Tcp(TcpPort::open(host, *port, &mut self.lookup).await?),
+                OpenPort::Tcp(TcpPort::open(host, *port, &mut self.lookup).await?),
             ),
         }
     }
@@ -120,7 +122,7 @@ impl<'a> Opener<'a> {
     }
 }
 
-impl Port {
+impl OpenPort {
     /// Its kind.
     #[must_use]
     pub const fn kind(&self) -> PortKind {
@@ -150,7 +152,7 @@ impl Port {
         *self = Self::Parked;
     }
 
-    /// Ready once bytes have arrived since the last time. The caller then reads with [`Port::read_now`] until it is
+    /// Ready once bytes have arrived since the last time. The caller then reads with [`OpenPort::read_now`] until it is
     /// empty; later bytes make it ready again.
     pub fn poll_readable(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
         match self {

@@ -12,13 +12,13 @@ const ATTEMPTS_PER_ADVICE: u32 = 25;
 
 /// The words for the last refusal. To find them takes longer than an attempt to open the port.
 #[derive(Debug, Default)]
-pub(super) struct Advice {
+pub(super) struct RefusalAdvice {
     errno: Option<i32>,
     words: String,
     attempts: u32,
 }
 
-impl Advice {
+impl RefusalAdvice {
     /// The words for `error`, with which the system refused the device at `path`.
     pub fn of(&mut self, path: &Path, error: &io::Error) -> String {
         let is_same = self.errno.is_some() && self.errno == error.raw_os_error();
@@ -123,7 +123,7 @@ mod tests {
 
     #[test]
     fn the_advice_is_made_again_for_another_error_and_after_many_attempts() {
-        let mut advice = Advice::default();
+        let mut advice = RefusalAdvice::default();
         let path = Path::new("/dev/no-such-port");
         let missing = advice.of(path, &Errno::NOENT.into());
         assert_eq!(advice.of(path, &Errno::NOENT.into()), missing);

@@ -32,7 +32,7 @@ pub struct TcpPort {
 /// A lookup of the addresses of a name. The system's lookup blocks for longer than the line thread may, so it runs on
 /// another thread: one at a time, however often the port is tried.
 #[derive(Debug, Default)]
-pub(super) struct Lookup {
+pub(super) struct AddressLookup {
     running: Option<JoinHandle<io::Result<Vec<SocketAddr>>>>,
 }
 
@@ -41,7 +41,7 @@ impl TcpPort {
     pub(super) async fn open(
         host: &str,
         port: u16,
-        lookup: &mut Lookup,
+        lookup: &mut AddressLookup,
     ) -> Result<Self, OpenError> {
         let mut why = OpenError::NoConnection(format!("the name {host} has no address"));
         for address in lookup.addresses(host, port).await? {
@@ -91,7 +91,7 @@ impl TcpPort {
     }
 }
 
-impl Lookup {
+impl AddressLookup {
     async fn addresses(&mut self, host: &str, port: u16) -> Result<Vec<SocketAddr>, OpenError> {
         if let Ok(ip) = host.parse::<IpAddr>() {
             return Ok(vec![SocketAddr::new(ip, port)]);
@@ -121,8 +121,8 @@ impl Lookup {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Opener;
-    use super::super::Port;
+    use super::super::OpenPort;
+    use super::super::PortOpener;
     use super::super::PortSettings;
     use super::*;
     use crate::config::PortAddress;
@@ -146,11 +146,11 @@ mod tests {
         }
     }
 
-    async fn opened(host: &str, port: u16) -> Result<Port, OpenError> {
-        Opener::new(&settings(host, port)).open().await
+    async fn opened(host: &str, port: u16) -> Result<OpenPort, OpenError> {
+        PortOpener::new(&settings(host, port)).open().await
     }
 
-    async fn readable(port: &mut Port) {
+    async fn readable(port: &mut OpenPort) {
         poll_fn(|cx| port.poll_readable(cx)).await.unwrap();
     }
 
@@ -187,7 +187,7 @@ mod tests {
     #[tokio::test]
     async fn a_vanished_peer_is_noticed_and_nothing_is_sent_after_the_end() {
         let server = TcpListener::bind("127.0.0.1:0").unwrap();
-        let Port::Tcp(port) = opened("127.0.0.1", server.local_addr().unwrap().port())
+        let OpenPort::Tcp(port) = opened("127.0.0.1", server.local_addr().unwrap().port())
             .await
             .unwrap()
         else {

@@ -1,9 +1,9 @@
 //! Requests on a real port: a line of the tool's own, reopened for each setting.
 
 use super::ScanError;
-use super::judge::Heard;
-use super::plan::{LISTEN, Setting};
-use super::survey::Asker;
+use super::judge::ReadOutcome;
+use super::plan::{LISTEN, ScanSetting};
+use super::survey::LineAsker;
 use crate::daemon::host::clock;
 use crate::daemon::lines::tool_line::{ToolLine, ToolPort};
 use crate::domain::address::Address;
@@ -110,8 +110,8 @@ impl PortAsker {
     }
 }
 
-impl Asker for PortAsker {
-    async fn open(&mut self, setting: &Setting, stations: &[u8]) -> Result<(), ScanError> {
+impl LineAsker for PortAsker {
+    async fn open(&mut self, setting: &ScanSetting, stations: &[u8]) -> Result<(), ScanError> {
         self.close().await;
         let drives: Vec<_> = stations
             .iter()
@@ -132,7 +132,7 @@ impl Asker for PortAsker {
         }
     }
 
-    async fn ask(&mut self, station: u8, address: Address) -> Result<Heard, ScanError> {
+    async fn ask(&mut self, station: u8, address: Address) -> Result<ReadOutcome, ScanError> {
         let place = self
             .stations
             .iter()
@@ -151,9 +151,9 @@ impl Asker for PortAsker {
             return Err(ScanError::new(what));
         }
         match read {
-            Ok(word) => Ok(Heard::Word(word)),
+            Ok(word) => Ok(ReadOutcome::Word(word)),
             Err(report) => match (report.exception, report.reason) {
-                (Some(code), _) => Ok(Heard::Exception(code)),
+                (Some(code), _) => Ok(ReadOutcome::Exception(code)),
                 (None, Reason::LineDown) => {
                     let fault = self
                         .line()?
@@ -166,8 +166,10 @@ impl Asker for PortAsker {
                         self.port.address
                     )))
                 }
-                (None, _) if counted.garbled > 0 || counted.noise_bytes > 0 => Ok(Heard::Damaged),
-                (None, _) => Ok(Heard::Silent),
+                (None, _) if counted.garbled > 0 || counted.noise_bytes > 0 => {
+                    Ok(ReadOutcome::Damaged)
+                }
+                (None, _) => Ok(ReadOutcome::Silent),
             },
         }
     }

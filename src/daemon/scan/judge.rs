@@ -2,7 +2,7 @@
 //! contradicts its file: files leave registers out, so that an answer where a file has none says little.
 
 use crate::domain::address::Address;
-use crate::profile::model::{Holes, Model};
+use crate::profile::model::{Model, ReadHoles};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ const CONTRADICTED: usize = 2;
 
 /// The outcome of one read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Heard {
+pub enum ReadOutcome {
     /// The word of the register.
     Word(u16),
     /// The drive answered with an exception.
@@ -28,7 +28,7 @@ pub enum Heard {
 
 /// A model as a scan sees it.
 #[derive(Debug)]
-pub struct Suspect {
+pub struct SuspectModel {
     /// The model.
     pub model: Arc<Model>,
     /// It leaves the factory with the setting that is tried.
@@ -37,7 +37,7 @@ pub struct Suspect {
     words: BTreeMap<Address, bool>,
 }
 
-impl Suspect {
+impl SuspectModel {
     /// A model to look for.
     pub fn new(model: &Arc<Model>, is_factory: bool) -> Self {
         Self {
@@ -73,22 +73,22 @@ pub fn words(model: &Model) -> BTreeMap<Address, bool> {
 
 /// The answers of one station.
 #[derive(Clone, Debug, Default)]
-pub struct Evidence {
-    heard: BTreeMap<Address, Heard>,
+pub struct StationEvidence {
+    heard: BTreeMap<Address, ReadOutcome>,
     /// Addresses that no model has.
     nowhere: BTreeSet<Address>,
     /// Silences while nothing was known of the station: it may not have listened.
     early: BTreeSet<Address>,
 }
 
-impl Evidence {
+impl StationEvidence {
     /// Adds an answer.
-    pub fn hear(&mut self, address: Address, heard: Heard) {
+    pub fn hear(&mut self, address: Address, heard: ReadOutcome) {
         self.heard.insert(address, heard);
     }
 
     /// Adds the answer at an address that no model has.
-    pub fn hear_nowhere(&mut self, address: Address, heard: Heard) {
+    pub fn hear_nowhere(&mut self, address: Address, heard: ReadOutcome) {
         self.nowhere.insert(address);
         self.hear(address, heard);
     }
@@ -96,11 +96,11 @@ impl Evidence {
     /// Adds a silence of a station of which nothing was known then.
     pub fn was_silent(&mut self, address: Address) {
         self.early.insert(address);
-        self.hear(address, Heard::Silent);
+        self.hear(address, ReadOutcome::Silent);
     }
 
     /// What was heard at `address`.
-    pub fn at(&self, address: Address) -> Option<Heard> {
+    pub fn at(&self, address: Address) -> Option<ReadOutcome> {
         self.heard.get(&address).copied()
     }
 
@@ -108,12 +108,12 @@ impl Evidence {
     pub fn answers_anything(&self) -> bool {
         self.nowhere
             .iter()
-            .any(|address| matches!(self.at(*address), Some(Heard::Word(_))))
+            .any(|address| matches!(self.at(*address), Some(ReadOutcome::Word(_))))
     }
 
     fn refuses(&self) -> bool {
-        let refused = |(address, heard): (&Address, &Heard)| {
-            !matches!(heard, Heard::Word(_)) && !self.early.contains(address)
+        let refused = |(address, heard): (&Address, &ReadOutcome)| {
+            !matches!(heard, ReadOutcome::Word(_)) && !self.early.contains(address)
         };
         self.heard.iter().any(refused)
     }
@@ -121,7 +121,7 @@ impl Evidence {
 
 /// What the answers of a station say about one model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Standing {
+pub struct ModelStanding {
     /// How much contradicts it.
     against: usize,
     /// Answers at registers that it has.
@@ -129,27 +129,29 @@ pub struct Standing {
     /// Answers that its file does not explain.
     unexplained: usize,
     /// What its identity says.
-    identity: Option<Identified>,
+    identity: Option<IdentityMatch>,
 }
 
 /// What a register that tells the model says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Identified {
+enum IdentityMatch {
     As,
     Other(u16),
 }
 
-impl Standing {
-    fn of(suspect: &Suspect, evidence: &Evidence) -> Self {
+impl ModelStanding {
+    fn of(suspect: &SuspectModel, evidence: &StationEvidence) -> Self {
         let mut it = Self::default();
         let model = &suspect.model;
         let (mut is_odd, refuses) = (false, evidence.refuses());
         for (address, heard) in &evidence.heard {
             let proven = suspect.words.get(address).copied();
             match heard {
-                Heard::Word(word) => it.word(model, *address, *word, proven.is_some(), refuses),
-                Heard::Damaged => {}
-                Heard::Silent | Heard::Exception(_) => {
+                ReadOutcome::Word(word) => {
+                    it.word(model, *address, *word, proven.is_some(), refuses)
+                }
+                ReadOutcome::Damaged => {}
+                ReadOutcome::Silent | ReadOutcome::Exception(_) => {
                     let is_early = evidence.early.contains(address);
                     it.against += match proven {
                         Some(true) if !is_early => CONTRADICTED,
@@ -158,7 +160,7 @@ impl Standing {
                     };
                     // What a file says of all other addresses: sure enough for one mark, however many there are.
                     let answers = model.read.reads_holes()
-                        || (*heard == Heard::Silent && !model.exceptions.is_empty());
+                        || (*heard == ReadOutcome::Silent && !model.exceptions.is_empty());
                     is_odd |= answers && model.readable_at(*address).is_none();
                 }
             }
@@ -170,15 +172,15 @@ impl Standing {
     fn word(&mut self, model: &Model, address: Address, word: u16, is_own: bool, refuses: bool) {
         if let Some(identity) = model.identity.as_ref().filter(|it| it.address == address) {
             self.identity = Some(if identity.is_right(word) {
-                Identified::As
+                IdentityMatch::As
             } else {
-                Identified::Other(word & identity.mask)
+                IdentityMatch::Other(word & identity.mask)
             });
         }
         let proves = match model.read.holes.as_ref().map(|it| it.value) {
-            None | Some(Holes::Refused) => true,
-            Some(Holes::Zero) => word != 0,
-            Some(Holes::Read) => false,
+            None | Some(ReadHoles::Refused) => true,
+            Some(ReadHoles::Zero) => word != 0,
+            Some(ReadHoles::Read) => false,
         };
         if is_own {
             self.answered += usize::from(proves);
@@ -193,13 +195,13 @@ impl Standing {
     }
 
     fn is_out(self) -> bool {
-        self.against >= CONTRADICTED || matches!(self.identity, Some(Identified::Other(_)))
+        self.against >= CONTRADICTED || matches!(self.identity, Some(IdentityMatch::Other(_)))
     }
 
     /// The name that the identity of `suspect` gives the drive, if nothing else contradicts that model.
-    fn names_other(self, suspect: &Suspect) -> Option<&str> {
+    fn names_other(self, suspect: &SuspectModel) -> Option<&str> {
         match self.identity {
-            Some(Identified::Other(word)) if self.against == 0 => {
+            Some(IdentityMatch::Other(word)) if self.against == 0 => {
                 suspect.model.identity.as_ref()?.other(word)
             }
             _ => None,
@@ -219,7 +221,7 @@ impl Standing {
 
 /// What it costs to ask a station for a register that it does not have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Refusals {
+pub enum RefusalCost {
     /// It answers with an exception, as far as is known.
     Cheap,
     /// It does not answer, which takes a time-out.
@@ -230,21 +232,21 @@ pub enum Refusals {
 
 /// What is known of a station so far.
 #[derive(Debug)]
-pub struct Judgement<'a> {
+pub struct StationJudgement<'a> {
     /// The models that may be it, the best first.
-    left: Vec<(&'a Suspect, Standing)>,
+    left: Vec<(&'a SuspectModel, ModelStanding)>,
     /// The first model that only its identity rules out.
-    kin: Option<(&'a Suspect, Standing)>,
+    kin: Option<(&'a SuspectModel, ModelStanding)>,
     /// What a register of a model says that fits otherwise: the name of another drive.
     pub other: Option<String>,
 }
 
-impl<'a> Judgement<'a> {
+impl<'a> StationJudgement<'a> {
     /// Judges all `suspects` by `evidence`.
-    pub fn new(suspects: &'a [Suspect], evidence: &Evidence) -> Self {
+    pub fn new(suspects: &'a [SuspectModel], evidence: &StationEvidence) -> Self {
         let all = suspects
             .iter()
-            .map(|suspect| (suspect, Standing::of(suspect, evidence)));
+            .map(|suspect| (suspect, ModelStanding::of(suspect, evidence)));
         let (out, mut left): (Vec<_>, Vec<_>) = all.partition(|(_, standing)| standing.is_out());
         left.sort_by_key(|(_, standing)| standing.rank());
         if evidence.answers_anything()
@@ -280,7 +282,7 @@ impl<'a> Judgement<'a> {
     }
 
     /// The models that may be it with what speaks for each, the best first. None as long as no register answered.
-    pub fn fits(&self, evidence: &Evidence) -> Vec<(Arc<Model>, String)> {
+    pub fn fits(&self, evidence: &StationEvidence) -> Vec<(Arc<Model>, String)> {
         let is_seen = self.left.iter().any(|(_, standing)| standing.answered > 0);
         let fitting = self
             .left
@@ -299,9 +301,9 @@ impl<'a> Judgement<'a> {
     }
 
     /// The address to read next; `None` if nothing would tell more.
-    pub fn next(&self, evidence: &Evidence, refusals: Refusals) -> Option<Address> {
+    pub fn next(&self, evidence: &StationEvidence, refusals: RefusalCost) -> Option<Address> {
         let is_new = |address: &Address| evidence.at(*address).is_none();
-        let fits_better = |it: &Standing| {
+        let fits_better = |it: &ModelStanding| {
             self.left
                 .first()
                 .is_none_or(|(_, best)| best.answered < it.answered)
@@ -331,7 +333,7 @@ impl<'a> Judgement<'a> {
             .filter(is_new)
             .collect();
         let value = |address: Address| match standing.answered {
-            0 if refusals == Refusals::TooDear => 0,
+            0 if refusals == RefusalCost::TooDear => 0,
             0 => self.splits(address),
             _ => self.tells(address, refusals),
         };
@@ -354,47 +356,52 @@ impl<'a> Judgement<'a> {
     }
 
     /// How much an answer at `address` tells between the best model and the others.
-    fn tells(&self, address: Address, refusals: Refusals) -> usize {
+    fn tells(&self, address: Address, refusals: RefusalCost) -> usize {
         let Some((best, standing)) = self.left.first().copied() else {
             return 0;
         };
         let rivals = || self.left.iter().skip(1);
         if best.words.contains_key(&address) {
             let lacking = rivals().filter(|(it, _)| !it.words.contains_key(&address));
-            let gain =
-                |(it, rival): &(&Suspect, Standing)| match (it.is_like(best), rival.unexplained) {
-                    (false, 0..UNEXPLAINED) => 8,
-                    (true, 0) => 2,
-                    _ => 0,
-                };
+            let gain = |(it, rival): &(&SuspectModel, ModelStanding)| match (
+                it.is_like(best),
+                rival.unexplained,
+            ) {
+                (false, 0..UNEXPLAINED) => 8,
+                (true, 0) => 2,
+                _ => 0,
+            };
             return lacking.map(gain).sum::<usize>() + usize::from(standing.answered < TELLING);
         }
-        let weight = |(it, _): &(&Suspect, Standing)| match it.words.get(&address) {
+        let weight = |(it, _): &(&SuspectModel, ModelStanding)| match it.words.get(&address) {
             Some(true) => 8,
             Some(false) => 5,
             None => 0,
         };
         let gain: usize = rivals().map(weight).sum();
         match refusals {
-            Refusals::Cheap => gain,
-            Refusals::Dear => gain.div_ceil(8),
-            Refusals::TooDear => 0,
+            RefusalCost::Cheap => gain,
+            RefusalCost::Dear => gain.div_ceil(8),
+            RefusalCost::TooDear => 0,
         }
     }
 }
 
 /// `best` explains everything, `rival` does not, and is no drive of its kind.
-fn is_explained_better(best: (&Suspect, Standing), rival: (&Suspect, Standing)) -> bool {
+fn is_explained_better(
+    best: (&SuspectModel, ModelStanding),
+    rival: (&SuspectModel, ModelStanding),
+) -> bool {
     let is_whole = best.1.answered >= TELLING && best.1.against == 0;
     is_whole && rival.1.unexplained >= best.1.unexplained + UNEXPLAINED && !rival.0.is_like(best.0)
 }
 
-fn why(suspect: &Suspect, standing: Standing) -> String {
+fn why(suspect: &SuspectModel, standing: ModelStanding) -> String {
     let mut why = match standing.answered {
         1 => "1 register fits".to_owned(),
         count => format!("{count} registers fit"),
     };
-    if standing.identity == Some(Identified::As)
+    if standing.identity == Some(IdentityMatch::As)
         && let Some(identity) = &suspect.model.identity
     {
         let name = suspect
@@ -414,7 +421,7 @@ fn why(suspect: &Suspect, standing: Standing) -> String {
 }
 
 /// An address that none of `suspects` has.
-pub fn nowhere(suspects: &[Suspect]) -> Option<Address> {
+pub fn nowhere(suspects: &[SuspectModel]) -> Option<Address> {
     let is_free = |number: &u16| {
         suspects.iter().all(|it| {
             it.model.register_at(*number).is_none() && it.model.readable_at(*number).is_none()

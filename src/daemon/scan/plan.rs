@@ -2,14 +2,14 @@
 //! distinguish models. All of it follows from the models.
 
 use super::judge::words;
-use super::survey::{Finding, Findings};
+use super::survey::{FoundDrive, ScanFindings};
 use crate::domain::address::Address;
 use crate::domain::link::{Framing, LinkSettings, Parity};
 use crate::gateway::DriveSetup;
-use crate::journal::Remembered;
-use crate::line::timeouts::{Class, ReplyTimeouts};
-use crate::line::timing::Timing;
-use crate::profile::model::{Model, Quirks};
+use crate::journal::RememberedDrive;
+use crate::line::timeouts::{ReplyTimeouts, RequestClass};
+use crate::line::timing::LineTiming;
+use crate::profile::model::{DriveQuirks, Model};
 use std::cmp::Reverse;
 use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
@@ -31,16 +31,16 @@ const REQUEST_PDU_BYTES: usize = 5;
 
 /// Everything that is tried.
 #[derive(Clone, Debug)]
-pub struct Plan {
+pub struct ScanPlan {
     /// In this order.
-    pub settings: Vec<Setting>,
+    pub settings: Vec<ScanSetting>,
     /// The stations, each once, in order.
     pub stations: Vec<u8>,
 }
 
 /// One setting of a line, and what is read with it.
 #[derive(Clone, Debug)]
-pub struct Setting {
+pub struct ScanSetting {
     /// Speed and character format.
     pub link: LinkSettings,
     /// The framing.
@@ -50,7 +50,7 @@ pub struct Setting {
     /// How many of them have it as factory setting.
     pub factory_count: usize,
     /// Reads of which every drive with this factory setting answers at least one.
-    pub probes: Vec<Probe>,
+    pub probes: Vec<ScanProbe>,
     /// Longest wait for an answer.
     pub timeout: Duration,
     /// How long after that one may still come.
@@ -59,7 +59,7 @@ pub struct Setting {
 
 /// A read that finds drives, and the times of those that it is meant for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Probe {
+pub struct ScanProbe {
     /// The address.
     pub address: Address,
     /// Longest wait for an answer.
@@ -87,7 +87,7 @@ pub struct ScanOptions {
     pub timeout: Option<Duration>,
 }
 
-impl Plan {
+impl ScanPlan {
     /// The plan for finding drives of `models` at `stations`.
     #[must_use]
     pub fn new(models: &[Arc<Model>], stations: Vec<u8>, wish: &ScanOptions) -> Self {
@@ -107,7 +107,7 @@ impl Plan {
         } else {
             links(&models, framing, wish)
         };
-        let setting = |link| Setting::new(&models, link, framing, wish);
+        let setting = |link| ScanSetting::new(&models, link, framing, wish);
         Self {
             settings: links
                 .into_iter()
@@ -131,14 +131,14 @@ impl Plan {
         let told = self
             .settings
             .iter()
-            .map(Setting::when_told_apart)
+            .map(ScanSetting::when_told_apart)
             .max()
             .unwrap_or_default();
         (silent, told * stations)
     }
 }
 
-impl Plan {
+impl ScanPlan {
     /// The largest number of reads that look for drives.
     #[must_use]
     pub fn asks(&self) -> usize {
@@ -157,8 +157,8 @@ impl Plan {
 
     /// The setting with which most drives of a known model answer; `None` if no drive does.
     #[must_use]
-    pub fn most_answer(&self, findings: &Findings) -> Option<usize> {
-        let known = |finding: &&Finding| !finding.verdict.fits.is_empty();
+    pub fn most_answer(&self, findings: &ScanFindings) -> Option<usize> {
+        let known = |finding: &&FoundDrive| !finding.verdict.fits.is_empty();
         let count = |number: usize| {
             findings
                 .drives
@@ -174,7 +174,7 @@ impl Plan {
     }
 }
 
-impl Setting {
+impl ScanSetting {
     fn new(
         models: &[Arc<Model>],
         link: LinkSettings,
@@ -219,7 +219,7 @@ impl Setting {
 
     /// This setting with the times of one of its probes.
     #[must_use]
-    pub fn with(&self, probe: &Probe) -> Self {
+    pub fn with(&self, probe: &ScanProbe) -> Self {
         Self {
             timeout: probe.timeout,
             lateness: probe.lateness,
@@ -229,9 +229,9 @@ impl Setting {
 
     /// Times of a line with this setting.
     #[must_use]
-    pub fn timing(&self) -> Timing {
+    pub fn timing(&self) -> LineTiming {
         let models = self.candidates.iter().map(AsRef::as_ref);
-        Timing::for_models(self.framing, self.link, models, Duration::ZERO)
+        LineTiming::for_models(self.framing, self.link, models, Duration::ZERO)
     }
 
     /// A station known only by its address: it is never polled.
@@ -248,7 +248,7 @@ impl Setting {
             setup: Vec::new(),
             run: None,
             watchdog: None,
-            quirks: Quirks::default(),
+            quirks: DriveQuirks::default(),
             ..Model::clone(like)
         };
         Some(DriveSetup {
@@ -258,14 +258,15 @@ impl Setting {
             timeouts: ReplyTimeouts::fixed(self.timeout),
             max_lateness: self.lateness,
             control: None,
-            remembered: Remembered::default(),
+            remembered: RememberedDrive::default(),
         })
     }
 
     /// Time for `stations` that do not answer.
     fn when_silent(&self, stations: u32) -> Duration {
-        let round =
-            |probe: &Probe| self.exchange(probe.timeout) * stations + probe.lateness + OPENS_WITHIN;
+        let round = |probe: &ScanProbe| {
+            self.exchange(probe.timeout) * stations + probe.lateness + OPENS_WITHIN
+        };
         self.probes.iter().map(round).sum()
     }
 
@@ -293,7 +294,7 @@ impl Setting {
 
 /// `9600 8N1`, with ` ascii` if it is.
 #[must_use]
-pub fn setting_text(setting: &Setting) -> String {
+pub fn setting_text(setting: &ScanSetting) -> String {
     let ascii = if setting.framing == Framing::Ascii {
         " ascii"
     } else {
@@ -409,7 +410,7 @@ fn order(
 /// Few reads, one of which each of `models` answers. A drive whose exceptions are known answers whatever it is asked; of
 /// others nobody knows what they do about an address that they do not have. Holding registers are preferred: few drives
 /// lack function 03.
-pub fn probes(models: &[Arc<Model>]) -> Vec<Probe> {
+pub fn probes(models: &[Arc<Model>]) -> Vec<ScanProbe> {
     let answers = |(model, words): &Known<'_>, address| {
         words.contains(&address) || !model.exceptions.is_empty() || model.read.reads_holes()
     };
@@ -436,13 +437,13 @@ pub fn probes(models: &[Arc<Model>]) -> Vec<Probe> {
             left.into_iter().partition(|it| answers(it, address));
         let waits = found
             .iter()
-            .map(|(model, _)| ReplyTimeouts::auto(&model.timing).of(Class::Read));
+            .map(|(model, _)| ReplyTimeouts::auto(&model.timing).of(RequestClass::Read));
         let lateness = found
             .iter()
             .map(|(model, _)| model.timing.max_lateness.value)
             .max()
             .unwrap_or_default();
-        probes.push(Probe {
+        probes.push(ScanProbe {
             address,
             timeout: waits.max().unwrap_or_default(),
             lateness,

@@ -3,8 +3,8 @@
 use crate::config::{self, BrokerSettings, Config, MqttSettings, PasswordSource};
 use crate::daemon::host::secret_files;
 use crate::daemon::journal;
-use crate::daemon::mqtt::{ConnectionSettings, Keeps, Secret, TlsSettings, check_tls};
-use crate::daemon::service::conversations::{BrokerSide, Sparkplug};
+use crate::daemon::mqtt::{BrokerKeeps, BrokerTls, ConnectionSettings, HiddenText, check_tls};
+use crate::daemon::service::conversations::{BrokerSide, SparkplugConversation};
 use crate::domain::ids::Name;
 use crate::domain::standby::StandbyPair;
 use std::net::SocketAddr;
@@ -75,12 +75,12 @@ pub fn broker(
         password: password.map(read_password).transpose()?,
         keep_alive: mqtt.keep_alive,
         version: mqtt.version,
-        keeps: Keeps::Nothing,
+        keeps: BrokerKeeps::Nothing,
     };
     let sparkplug = mqtt
         .sparkplug_session(name.clone(), standby.is_some())
         .zip(data_dir)
-        .map(|(settings, data_dir)| Sparkplug {
+        .map(|(settings, data_dir)| SparkplugConversation {
             connection: ConnectionSettings {
                 client_id: mqtt.sparkplug_client_id(name),
                 ..connection.clone()
@@ -94,25 +94,25 @@ pub fn broker(
     })
 }
 
-fn tls_settings(tls: &config::TlsSettings) -> TlsSettings {
+fn tls_settings(tls: &config::TlsSettings) -> BrokerTls {
     let client_cert = tls
         .client
         .as_ref()
         .map(|client| (client.cert_file.clone(), client.key_file.clone()));
-    TlsSettings {
+    BrokerTls {
         ca_file: tls.ca_file.clone(),
         client_cert,
     }
 }
 
 /// A file's text without the line break that editors put at its end.
-fn read_password(source: &PasswordSource) -> Result<Secret, String> {
+fn read_password(source: &PasswordSource) -> Result<HiddenText, String> {
     match source {
         PasswordSource::File(path) => secret_files::read(path)
-            .map(|text| Secret::new(text.trim_end_matches(['\n', '\r']).to_owned()))
+            .map(|text| HiddenText::new(text.trim_end_matches(['\n', '\r']).to_owned()))
             .map_err(|error| format!("password_file {}: {error}", path.display())),
         PasswordSource::Env(name) => std::env::var(name)
-            .map(Secret::new)
+            .map(HiddenText::new)
             .map_err(|error| format!("password_env {name}: {error}")),
     }
 }

@@ -2,14 +2,14 @@
 
 use crate::daemon::exchange::answers::AnswerBox;
 use crate::daemon::exchange::north_sides::NorthSides;
-use crate::daemon::exchange::shared::Current;
+use crate::daemon::exchange::shared::CurrentPlant;
 use crate::daemon::host::clock;
-use crate::daemon::http::State;
+use crate::daemon::http::HttpState;
 use crate::daemon::journal::{self, Journal};
-use crate::daemon::mqtt::speaker::Speaker;
-use crate::daemon::mqtt::{self, ConnectionSettings, Counters, Protocol};
+use crate::daemon::mqtt::speaker::BrokerSession;
+use crate::daemon::mqtt::{self, BrokerConversation, ClientCounters, ConnectionSettings};
 use crate::daemon::sparkplug::BdSeq;
-use crate::daemon::sparkplug::speaker::{Sides, Speaker as SparkplugSpeaker};
+use crate::daemon::sparkplug::speaker::{NodeBrokerSession, SessionSides};
 use crate::domain::ids::Ticket;
 use crate::north::mqtt::Settings;
 use crate::north::sparkplug;
@@ -32,7 +32,7 @@ pub type Mqtt = (ConnectionSettings, Settings);
 
 /// Connection and session settings for Sparkplug, with the directory of the session number.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Sparkplug {
+pub struct SparkplugConversation {
     /// How the broker is reached.
     pub connection: ConnectionSettings,
     /// The settings of the session.
@@ -47,39 +47,39 @@ pub struct BrokerSide {
     /// The gateway's own topics.
     pub mqtt: Mqtt,
     /// Sparkplug B; `None` if it is not configured.
-    pub sparkplug: Option<Sparkplug>,
+    pub sparkplug: Option<SparkplugConversation>,
 }
 
 /// All conversations with the broker.
 #[derive(Debug)]
-pub struct Conversations {
-    current: Current,
+pub struct BrokerConversations {
+    current: CurrentPlant,
     sides: NorthSides,
     journal: Option<Arc<Journal>>,
-    state: Arc<State>,
-    mqtt: Option<Conversation<Mqtt>>,
-    sparkplug: Option<Conversation<Sparkplug>>,
+    state: Arc<HttpState>,
+    mqtt: Option<RunningConversation<Mqtt>>,
+    sparkplug: Option<RunningConversation<SparkplugConversation>>,
     /// How many ranges of tickets were used.
     count: u64,
 }
 
 /// A conversation with a broker.
 #[derive(Debug)]
-struct Conversation<W> {
+struct RunningConversation<W> {
     with: W,
     stop: oneshot::Sender<()>,
     task: JoinHandle<()>,
 }
 
-impl Conversations {
+impl BrokerConversations {
     /// Starts without conversations. Answers of the lines arrive through `sides`, what has no line goes to `journal`, and
     /// `state` shows the counts.
     #[must_use]
     pub const fn new(
-        current: Current,
+        current: CurrentPlant,
         sides: NorthSides,
         journal: Option<Arc<Journal>>,
-        state: Arc<State>,
+        state: Arc<HttpState>,
     ) -> Self {
         Self {
             current,
@@ -118,7 +118,7 @@ impl Conversations {
         let journal = journal::side(self.journal.as_ref(), &self.current);
         let says = async move |(connection, settings): Mqtt, totals, news, stopped| {
             let changed = Arc::clone(&current.load().changed);
-            let speaker = Speaker::new(
+            let speaker = BrokerSession::new(
                 settings,
                 current,
                 news,
@@ -138,12 +138,12 @@ impl Conversations {
         );
     }
 
-    fn talk_sparkplug(&mut self, sparkplug: Option<Sparkplug>) {
+    fn talk_sparkplug(&mut self, sparkplug: Option<SparkplugConversation>) {
         let first_ticket = self.next_ticket();
         let current = self.current.clone();
         let journal = journal::side(self.journal.as_ref(), &self.current);
-        let says = async move |with: Sparkplug, totals, news, stopped| {
-            let Sparkplug {
+        let says = async move |with: SparkplugConversation, totals, news, stopped| {
+            let SparkplugConversation {
                 connection,
                 settings,
                 data_dir,
@@ -153,14 +153,14 @@ impl Conversations {
                 return;
             };
             let changed = Arc::clone(&current.load().changed);
-            let sides = Sides {
+            let sides = SessionSides {
                 current,
                 news,
                 totals,
                 journal,
             };
             let speaker =
-                SparkplugSpeaker::new(settings, bdseq, sides, first_ticket, clock::moment());
+                NodeBrokerSession::new(settings, bdseq, sides, first_ticket, clock::moment());
             speak(connection, speaker, &changed.sparkplug, stopped).await;
         };
         self.sparkplug = begun_anew(
@@ -197,12 +197,12 @@ impl Conversations {
 /// Ends `before`, and begins a new conversation with the settings `with`. The old one ends first: the broker knows both
 /// by the same identifier. The counts are in `shown` from now on, and the answers of the lines wait in `news`.
 fn begun_anew<W: Clone + 'static, C: Default + 'static>(
-    before: Option<Conversation<W>>,
+    before: Option<RunningConversation<W>>,
     with: Option<W>,
     shown: &ArcSwapOption<C>,
     news: Option<Arc<AnswerBox>>,
     says: impl AsyncFnOnce(W, Arc<C>, Arc<AnswerBox>, oneshot::Receiver<()>) + 'static,
-) -> Option<Conversation<W>> {
+) -> Option<RunningConversation<W>> {
     let totals = with.is_some().then(Arc::<C>::default);
     shown.store(totals.clone());
     if let Some(news) = &news {
@@ -222,15 +222,15 @@ fn begun_anew<W: Clone + 'static, C: Default + 'static>(
         }
         says(words, totals, news, stopped).await;
     });
-    Some(Conversation { with, stop, task })
+    Some(RunningConversation { with, stop, task })
 }
 
 /// The settings of a conversation.
-fn with<W>(conversation: Option<&Conversation<W>>) -> Option<&W> {
+fn with<W>(conversation: Option<&RunningConversation<W>>) -> Option<&W> {
     conversation.map(|conversation| &conversation.with)
 }
 
-impl<W> Conversation<W> {
+impl<W> RunningConversation<W> {
     async fn end(self) {
         // A task that has ended does not need a stop.
         let _ = self.stop.send(());
@@ -242,14 +242,14 @@ impl<W> Conversation<W> {
     }
 }
 
-async fn speak<T: Protocol>(
+async fn speak<T: BrokerConversation>(
     connection: ConnectionSettings,
     speaker: T,
     changed: &Notify,
     stopped: oneshot::Receiver<()>,
 ) {
     let speaker = RefCell::new(speaker);
-    let counters = Counters::default();
+    let counters = ClientCounters::default();
     let stop = async {
         // A dropped sender also means the end.
         let _ = stopped.await;

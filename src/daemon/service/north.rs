@@ -1,27 +1,29 @@
 //! The north sides of a running gateway: its listeners and the tasks that serve them.
 
-use crate::config::change::Change;
+use crate::config::change::ConfigChange;
 use crate::config::{BEHIND_A_BRIDGE, Config, ListenerSettings};
-use crate::daemon::commissioning::Site;
+use crate::daemon::commissioning::ConfigSite;
 use crate::daemon::exchange::north_sides::NorthSides;
-use crate::daemon::exchange::reload_request::Reloads;
-use crate::daemon::exchange::router::{Router, Units};
-use crate::daemon::exchange::shared::Current;
+use crate::daemon::exchange::reload_request::ReloadRequests;
+use crate::daemon::exchange::router::{UniformUnits, UnitRouter};
+use crate::daemon::exchange::shared::CurrentPlant;
 use crate::daemon::exchange::totals::ModbusTotals;
 use crate::daemon::host::clock;
 use crate::daemon::host::descriptors;
 use crate::daemon::host::secret_files;
-use crate::daemon::host::stall::Stalls;
+use crate::daemon::host::stall::LastStalls;
 use crate::daemon::http::report;
-use crate::daemon::http::{self, Control, Documents, Front, State, socket::OwnSocket};
+use crate::daemon::http::{
+    self, ClientRequirements, HttpControl, HttpState, RouteDocuments, socket::OwnSocket,
+};
 use crate::daemon::journal::{self, Journal};
 use crate::daemon::lines::build;
 use crate::daemon::local::LocalSide;
 use crate::daemon::modbus_rtu::SerialMaster;
-use crate::daemon::modbus_server::{Listener, Security, Server};
-use crate::daemon::service::conversations::{BrokerSide, Conversations};
+use crate::daemon::modbus_server::{ListenerSecurity, ModbusListener, ModbusServer};
+use crate::daemon::service::conversations::{BrokerConversations, BrokerSide};
 use crate::daemon::service::start_error::StartError;
-use crate::daemon::trends::Trends;
+use crate::daemon::trends::KeptTrends;
 use crate::domain::ids::Name;
 use std::io;
 use std::net::SocketAddr;
@@ -36,21 +38,21 @@ const BACKLOG: u32 = 4096;
 
 /// Listeners that are bound but not served yet.
 #[derive(Debug)]
-pub struct Bound {
+pub struct BoundListeners {
     /// In the order of the configuration; `None` where the socket exists already.
     modbus: Vec<Option<TcpListener>>,
     /// The certificates of those with TLS, in the same order.
-    security: Vec<Option<Security>>,
+    security: Vec<Option<ListenerSecurity>>,
     http: Option<TcpListener>,
     /// What the HTTP listener requires of clients.
-    front: Front,
+    front: ClientRequirements,
     /// Whether the address of the HTTP listener has changed, or the listener was removed.
     has_http_moved: bool,
     /// Whether anybody but a tool of this process is served.
     is_bound: bool,
 }
 
-impl Bound {
+impl BoundListeners {
     /// The bound addresses: Modbus TCP in the order of the configuration, and HTTP.
     ///
     /// # Errors
@@ -81,7 +83,7 @@ pub async fn bind(
     config: &Config,
     kept: &[Option<usize>],
     has_http_moved: bool,
-) -> Result<Bound, StartError> {
+) -> Result<BoundListeners, StartError> {
     secret_files::warn(config);
     warn_of_bridges(config);
     let mut modbus = Vec::with_capacity(config.listeners.len());
@@ -97,7 +99,7 @@ pub async fn bind(
         Some(http) if has_http_moved => Some(listen(http.listen, Some(http::SEND_BUFFER_BYTES))?),
         _ => None,
     };
-    Ok(Bound {
+    Ok(BoundListeners {
         modbus,
         security: security(config).await?,
         http,
@@ -109,14 +111,14 @@ pub async fn bind(
 
 /// Binds no address of `config`: only a tool of this process is served.
 #[must_use]
-pub fn unbound(config: &Config) -> Bound {
+pub fn unbound(config: &Config) -> BoundListeners {
     let modbus = config.listeners.iter().map(|_| None).collect();
     let security = config.listeners.iter().map(|_| None).collect();
-    Bound {
+    BoundListeners {
         modbus,
         security,
         http: None,
-        front: Front::default(),
+        front: ClientRequirements::default(),
         has_http_moved: false,
         is_bound: false,
     }
@@ -132,7 +134,7 @@ fn warn_of_bridges(config: &Config) {
 }
 
 /// Certificates are read outside the runtime: their storage may be slow.
-async fn security(config: &Config) -> Result<Vec<Option<Security>>, StartError> {
+async fn security(config: &Config) -> Result<Vec<Option<ListenerSecurity>>, StartError> {
     let listeners = config.listeners.clone();
     let read = tokio::task::spawn_blocking(move || {
         let read = listeners.iter().map(|listener| {
@@ -140,7 +142,7 @@ async fn security(config: &Config) -> Result<Vec<Option<Security>>, StartError> 
                 return Ok(None);
             };
             let address = listener.listen;
-            Security::read(tls)
+            ListenerSecurity::read(tls)
                 .map(Some)
                 .map_err(|what| StartError::ModbusTls { address, what })
         });
@@ -151,11 +153,11 @@ async fn security(config: &Config) -> Result<Vec<Option<Security>>, StartError> 
 }
 
 /// Users and certificate of the HTTP listener, read outside the runtime: their storage may be slow.
-async fn front(config: &Config) -> Result<Front, StartError> {
+async fn front(config: &Config) -> Result<ClientRequirements, StartError> {
     let Some(http) = config.http.clone() else {
-        return Ok(Front::default());
+        return Ok(ClientRequirements::default());
     };
-    match tokio::task::spawn_blocking(move || Front::read(&http)).await {
+    match tokio::task::spawn_blocking(move || ClientRequirements::read(&http)).await {
         Ok(read) => read.map_err(StartError::Http),
         Err(error) => Err(StartError::System(io::Error::other(error))),
     }
@@ -206,48 +208,48 @@ fn places(config: &Config) -> usize {
 
 /// The running north sides.
 #[derive(Debug)]
-pub struct North {
-    current: Current,
-    documents: Documents,
-    server: Rc<Server>,
-    units: Units,
+pub struct RunningNorth {
+    current: CurrentPlant,
+    documents: RouteDocuments,
+    server: Rc<ModbusServer>,
+    units: UniformUnits,
     /// In the order of the configuration.
-    listeners: Vec<Listening>,
+    listeners: Vec<ListeningServer>,
     serial: Vec<SerialMaster>,
     http: Option<AbortHandle>,
-    control: Arc<Control>,
-    conversations: Conversations,
+    control: Arc<HttpControl>,
+    conversations: BrokerConversations,
 }
 
 /// A Modbus TCP listener, and the task that accepts its connections.
 #[derive(Debug)]
-struct Listening {
-    listener: Rc<Listener>,
+struct ListeningServer {
+    listener: Rc<ModbusListener>,
     task: AbortHandle,
 }
 
 /// The trends that are kept in the journal's directory; `None` if the system refuses a thread.
-fn trends_beside(journal: &Journal) -> Option<Arc<Trends>> {
-    let started = Trends::start(journal.file().parent()?);
+fn trends_beside(journal: &Journal) -> Option<Arc<KeptTrends>> {
+    let started = KeptTrends::start(journal.file().parent()?);
     started
         .inspect_err(|error| tracing::warn!(%error, "trends cannot be kept"))
         .ok()
 }
 
-impl North {
+impl RunningNorth {
     /// Starts everything on the current [`LocalSet`](tokio::task::LocalSet); it ends with that.
     pub fn start(
         config: &Config,
-        (name, site): (&Name, Option<Site>),
-        current: Current,
+        (name, site): (&Name, Option<ConfigSite>),
+        current: CurrentPlant,
         (sides, journal): (NorthSides, Option<Arc<Journal>>),
-        bound: Bound,
-        socket: Option<(OwnSocket, Option<Reloads>)>,
+        bound: BoundListeners,
+        socket: Option<(OwnSocket, Option<ReloadRequests>)>,
         broker_side: Option<BrokerSide>,
     ) -> Self {
         let modbus_totals = Arc::new(ModbusTotals::default());
         let started = clock::moment();
-        let state = Arc::new(State {
+        let state = Arc::new(HttpState {
             gateway: name.to_string(),
             shared: current.clone(),
             modbus: Arc::clone(&modbus_totals),
@@ -260,12 +262,12 @@ impl North {
             started: started.mono,
             started_at: started.wall,
         });
-        let documents = Documents::new(Arc::clone(&state));
+        let documents = RouteDocuments::new(Arc::clone(&state));
         tokio::task::spawn_local(report::remember(Arc::clone(&documents.history)));
         tokio::task::spawn_local(http::live::run(Arc::clone(&documents.live)));
         let (socket, reloads) =
             socket.map_or((None, None), |(socket, reloads)| (Some(socket), reloads));
-        let stalls = Arc::<Stalls>::default();
+        let stalls = Arc::<LastStalls>::default();
         tokio::task::spawn_local(Arc::clone(&stalls).watch());
         let side = LocalSide::new(current.clone(), reloads).with_stalls(Arc::clone(&stalls));
         let side = Arc::new(side.keeping(journal::side(journal.as_ref(), &current)));
@@ -273,19 +275,19 @@ impl North {
         if let Some(socket) = socket {
             tokio::task::spawn_local(socket.serve(documents.clone(), Arc::clone(&side)));
         }
-        let control = Arc::new(Control::new(
+        let control = Arc::new(HttpControl::new(
             side,
             documents.live.moments().clone(),
-            Front::default(),
+            ClientRequirements::default(),
             site,
         ));
-        let server = Server::new(modbus_totals, journal::side(journal.as_ref(), &current));
+        let server = ModbusServer::new(modbus_totals, journal::side(journal.as_ref(), &current));
         let server = Rc::new(server.with_slots(places(config)).with_stalls(stalls));
         tokio::task::spawn_local(Rc::clone(&server).distribute(Arc::clone(&sides.modbus)));
-        let units = Units::new(&current.get());
+        let units = UniformUnits::new(&current.get());
         let listeners = Vec::new();
         let serial = Vec::new();
-        let conversations = Conversations::new(current.clone(), sides, journal, state);
+        let conversations = BrokerConversations::new(current.clone(), sides, journal, state);
         let mut north = Self {
             current,
             documents,
@@ -311,9 +313,9 @@ impl North {
         let Some(settings) = config.listeners.first() else {
             return;
         };
-        let listener = Listener::new(
+        let listener = ModbusListener::new(
             settings.clone(),
-            Router::new(settings, self.units.clone()),
+            UnitRouter::new(settings, self.units.clone()),
             None,
         );
         let server = Rc::clone(&self.server);
@@ -332,8 +334,8 @@ impl North {
     pub fn switch(
         &mut self,
         config: &Config,
-        change: &Change,
-        bound: Bound,
+        change: &ConfigChange,
+        bound: BoundListeners,
         broker_side: Option<BrokerSide>,
     ) {
         self.units = self.units.changed_to(&self.current.get());
@@ -343,7 +345,7 @@ impl North {
         self.conversations.talk_as(broker_side);
     }
 
-    fn listen(&mut self, config: &Config, kept: &[Option<usize>], bound: Bound) {
+    fn listen(&mut self, config: &Config, kept: &[Option<usize>], bound: BoundListeners) {
         let mut old: Vec<_> = std::mem::take(&mut self.listeners)
             .into_iter()
             .map(Some)
@@ -383,11 +385,11 @@ impl North {
         let mut old = std::mem::take(&mut self.serial);
         let mut to_start = Vec::new();
         for settings in &config.serial_masters {
-            let router = Router::new(&settings.serving, self.units.clone());
+            let router = UnitRouter::new(&settings.serving, self.units.clone());
             let Some(at) = old.iter().position(|it| it.settings.has_port_of(settings)) else {
                 to_start.push((
                     settings,
-                    Listener::of_master(settings.name, settings.serving.clone(), router),
+                    ModbusListener::of_master(settings.name, settings.serving.clone(), router),
                 ));
                 continue;
             };
@@ -414,18 +416,18 @@ impl North {
         &self,
         settings: &ListenerSettings,
         socket: Option<TcpListener>,
-        security: Option<Security>,
-        kept: Option<Listening>,
-    ) -> Option<Listening> {
-        let router = Router::new(settings, self.units.clone());
+        security: Option<ListenerSecurity>,
+        kept: Option<ListeningServer>,
+    ) -> Option<ListeningServer> {
+        let router = UnitRouter::new(settings, self.units.clone());
         if let Some(kept) = kept {
             kept.listener.change(settings.clone(), router, security);
             return Some(kept);
         }
-        let listener = Listener::new(settings.clone(), router, security);
+        let listener = ModbusListener::new(settings.clone(), router, security);
         self.server.totals().reads().show(listener.reads());
         let serve = Rc::clone(&self.server).listen(socket?, Rc::clone(&listener));
-        Some(Listening {
+        Some(ListeningServer {
             listener,
             task: tokio::task::spawn_local(serve).abort_handle(),
         })

@@ -1,7 +1,7 @@
 //! Notifications to the service manager: ready, reloading, stopping, a short status, and heartbeats. Without a service
 //! manager nothing is sent.
 
-use crate::daemon::exchange::shared::{Current, SharedLine};
+use crate::daemon::exchange::shared::{CurrentPlant, SharedLine};
 use crate::domain::ids::Name;
 use crate::domain::report::LineState;
 use sd_notify::NotifyState;
@@ -17,7 +17,7 @@ const STATUS_EVERY: Duration = Duration::from_secs(5);
 const FEEL_EVERY: Duration = Duration::from_secs(10);
 
 /// Notifies that the gateway serves.
-pub fn ready(current: &Current) {
+pub fn ready(current: &CurrentPlant) {
     say(&[NotifyState::Ready, NotifyState::Status(&status(current))]);
 }
 
@@ -45,9 +45,9 @@ pub fn stopping() {
 /// Checks that the lines' threads make progress, and sends heartbeats at half of the service manager's time-out while
 /// they do; sends the status as well. It runs on the thread of the north side: if that hangs, no heartbeat is sent.
 /// Never returns.
-pub async fn watch(current: Current) {
+pub async fn watch(current: CurrentPlant) {
     let granted = sd_notify::watchdog_enabled().filter(|time| !time.is_zero());
-    let mut pulse = Pulse::default();
+    let mut pulse = LinePulse::default();
     let mut told = String::new();
     let mut beat = Instant::now();
     let mut look = Instant::now();
@@ -94,7 +94,7 @@ fn say(words: &[NotifyState<'_>]) {
     }
 }
 
-fn status(current: &Current) -> String {
+fn status(current: &CurrentPlant) -> String {
     let shared = current.load();
     let up = shared
         .lines
@@ -115,12 +115,12 @@ fn status(current: &Current) -> String {
 
 /// Whether the threads of all lines make progress.
 #[derive(Debug, Default)]
-struct Pulse {
+struct LinePulse {
     /// The rounds of each line at the last check, by its number.
     rounds: HashMap<u16, u64>,
 }
 
-impl Pulse {
+impl LinePulse {
     /// Wakes all threads, including sleeping ones, and finds the lines whose threads have made no round since the last
     /// check.
     fn feel(&mut self, lines: &[Arc<SharedLine>]) -> Result<(), Vec<Name>> {
@@ -162,7 +162,7 @@ mod tests {
         let good = line(1, "good");
         let bad = line(2, "bad");
         let lines = [Arc::clone(&good), Arc::clone(&bad)];
-        let mut pulse = Pulse::default();
+        let mut pulse = LinePulse::default();
         assert_eq!(pulse.feel(&lines), Ok(()), "nothing is known yet");
         good.count_round();
         bad.count_round();
@@ -191,7 +191,7 @@ mod tests {
         let mut called = std::pin::pin!(line.inbox.called());
         let mut cx = std::task::Context::from_waker(std::task::Waker::noop());
         assert!(called.as_mut().poll(&mut cx).is_pending());
-        assert_eq!(Pulse::default().feel(&[Arc::clone(&line)]), Ok(()));
+        assert_eq!(LinePulse::default().feel(&[Arc::clone(&line)]), Ok(()));
         assert!(called.as_mut().poll(&mut cx).is_ready());
     }
 }

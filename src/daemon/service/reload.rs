@@ -3,21 +3,21 @@
 //! Everything that can fail is done first: the file is loaded and checked, addresses are bound, secrets and
 //! certificates read, threads started. Then the drives of removed lines are checked, and only then anything changes.
 
-use crate::config::change::{Change, ChangeNote, ConfigPart};
-use crate::config::{Config, MqttSettings, Removal};
-use crate::daemon::commissioning::{Judge, Site};
+use crate::config::change::{ChangeNote, ConfigChange, ConfigPart};
+use crate::config::{Config, MqttSettings, RemovalRule};
+use crate::daemon::commissioning::{ConfigSite, Judge};
 use crate::daemon::exchange::hand_over::hand_over;
-use crate::daemon::exchange::reload_request::{Applied, Refusal, Reloaded};
-use crate::daemon::exchange::shared::{Current, Shared, SharedLine};
+use crate::daemon::exchange::reload_request::{AppliedReload, ReloadRefusal, Reloaded};
+use crate::daemon::exchange::shared::{CurrentPlant, SharedLine, SharedPlant};
 use crate::daemon::journal::Journal;
 use crate::daemon::line_thread::{LineHandle, Memory};
 use crate::daemon::lines;
-use crate::daemon::lines::threads::Lines;
+use crate::daemon::lines::threads::LineThreads;
 use crate::daemon::mqtt::broker_child::BrokerChild;
 use crate::daemon::service::build;
 use crate::daemon::service::conversations::BrokerSide;
 use crate::daemon::service::embedded_broker::embedded_broker;
-use crate::daemon::service::north::{self, Bound, North};
+use crate::daemon::service::north::{self, BoundListeners, RunningNorth};
 use crate::domain::ids::Name;
 use std::fmt;
 use std::path::PathBuf;
@@ -37,7 +37,7 @@ type Read = dyn Fn() -> Result<Config, String> + Send + Sync;
 
 /// Where the configuration comes from.
 #[derive(Clone)]
-pub struct Load {
+pub struct ConfigOrigin {
     /// The file.
     pub file: PathBuf,
     /// Loads it.
@@ -46,11 +46,11 @@ pub struct Load {
     pub judge: Arc<Judge>,
 }
 
-impl Load {
+impl ConfigOrigin {
     /// File and judge, for what changes the file.
     #[must_use]
-    pub fn site(&self) -> Site {
-        Site {
+    pub fn site(&self) -> ConfigSite {
+        ConfigSite {
             file: self.file.clone(),
             judge: Arc::clone(&self.judge),
         }
@@ -59,39 +59,43 @@ impl Load {
 
 /// The parts of a running gateway that a reload changes.
 #[derive(Debug)]
-pub struct Gateway {
+pub struct RunningGateway {
     /// The configuration in force.
     pub config: Config,
     /// Its name.
     pub name: Name,
     /// What lines and north sides share.
-    pub current: Current,
+    pub current: CurrentPlant,
     /// The lines' threads.
-    pub lines: Lines,
+    pub lines: LineThreads,
     /// The north sides.
-    pub north: North,
+    pub north: RunningNorth,
     /// The embedded broker, if there is one.
     pub broker: Option<BrokerChild>,
     /// The journal, if there is one.
     pub journal: Option<Arc<Journal>>,
     /// Loads the configuration.
-    pub loader: Loader,
+    pub loader: ConfigLoader,
 }
 
 /// Loads the configuration outside the runtime, since its storage may be slow: one load at a time, with a time limit.
 #[derive(Debug, Default)]
-pub struct Loader {
+pub struct ConfigLoader {
     running: Option<JoinHandle<Result<Config, String>>>,
 }
 
-impl Loader {
-    async fn load(&mut self, load: &Load, within: Duration) -> Result<Config, Refusal> {
+impl ConfigLoader {
+    async fn load(
+        &mut self,
+        load: &ConfigOrigin,
+        within: Duration,
+    ) -> Result<Config, ReloadRefusal> {
         let late = || {
             let what = format!(
                 "the files of the configuration cannot be read within {} s",
                 within.as_secs()
             );
-            Refusal::System(what)
+            ReloadRefusal::System(what)
         };
         if let Some(earlier) = &mut self.running {
             // Its result may be out of date by now.
@@ -105,31 +109,31 @@ impl Loader {
         let loaded = timeout(within, running).await.map_err(|_| late())?;
         self.running = None;
         match loaded {
-            Ok(loaded) => loaded.map_err(Refusal::Configuration),
-            Err(error) => Err(Refusal::System(error.to_string())),
+            Ok(loaded) => loaded.map_err(ReloadRefusal::Configuration),
+            Err(error) => Err(ReloadRefusal::System(error.to_string())),
         }
     }
 }
 
 /// Everything that a new configuration needs, prepared. If it is not used, dropping it releases everything.
-struct Prepared {
-    shared: Arc<Shared>,
+struct PreparedReload {
+    shared: Arc<SharedPlant>,
     handles: Vec<LineHandle>,
-    bound: Bound,
+    bound: BoundListeners,
     broker_side: Option<BrokerSide>,
     broker: Option<BrokerChild>,
 }
 
-impl Gateway {
+impl RunningGateway {
     /// Reloads the configuration.
     ///
     /// # Errors
     /// Why nothing has changed; drives that were to be stopped first may have been stopped, though.
-    pub async fn reload(&mut self, load: &Load) -> Reloaded {
+    pub async fn reload(&mut self, load: &ConfigOrigin) -> Reloaded {
         let new = self.loader.load(load, LOADED_WITHIN).await?;
-        let change = Change::between(&self.config, &new);
+        let change = ConfigChange::between(&self.config, &new);
         if !change.needs_restart.is_empty() {
-            return Err(Refusal::NeedsRestart(change.needs_restart));
+            return Err(ReloadRefusal::NeedsRestart(change.needs_restart));
         }
         let prepared = self.prepare(&new, &change).await?;
         let mut told = change.told.clone();
@@ -143,14 +147,18 @@ impl Gateway {
         self.have_leave(&ending, new.gateway.on_removal).await?;
         let warnings = new.warnings.clone();
         self.switch(new, &change, &ending, prepared).await;
-        Ok(Applied {
+        Ok(AppliedReload {
             changes: told,
             warnings,
         })
     }
 
-    async fn prepare(&mut self, new: &Config, change: &Change) -> Result<Prepared, Refusal> {
-        let system = |error: &dyn fmt::Display| Refusal::System(error.to_string());
+    async fn prepare(
+        &mut self,
+        new: &Config,
+        change: &ConfigChange,
+    ) -> Result<PreparedReload, ReloadRefusal> {
+        let system = |error: &dyn fmt::Display| ReloadRefusal::System(error.to_string());
         let has_http_moved =
             self.config.http.as_ref().map(|it| it.listen) != new.http.as_ref().map(|it| it.listen);
         let bound = north::bind(new, &change.listeners, has_http_moved)
@@ -190,8 +198,8 @@ impl Gateway {
                     .map_err(|error| system(&error))?,
             );
         }
-        let shared = Arc::new(Shared::of(lines, Arc::clone(&old.changed)));
-        Ok(Prepared {
+        let shared = Arc::new(SharedPlant::of(lines, Arc::clone(&old.changed)));
+        Ok(PreparedReload {
             shared,
             handles,
             bound,
@@ -206,7 +214,7 @@ impl Gateway {
         mqtt: MqttSettings,
         new: &Config,
         embedded: Option<std::net::SocketAddr>,
-    ) -> Result<BrokerSide, Refusal> {
+    ) -> Result<BrokerSide, ReloadRefusal> {
         let name = self.name.clone();
         let (data_dir, standby) = (new.gateway.data_dir.clone(), new.standby.clone());
         let build = move || {
@@ -218,12 +226,12 @@ impl Gateway {
             )
         };
         let read = tokio::task::spawn_blocking(build).await;
-        let read = read.map_err(|error| Refusal::System(error.to_string()))?;
-        read.map_err(|error| Refusal::System(format!("mqtt: {error}")))
+        let read = read.map_err(|error| ReloadRefusal::System(error.to_string()))?;
+        read.map_err(|error| ReloadRefusal::System(format!("mqtt: {error}")))
     }
 
     /// The numbers of the removed lines.
-    fn numbers(&self, change: &Change) -> Vec<u16> {
+    fn numbers(&self, change: &ConfigChange) -> Vec<u16> {
         let lines = &self.current.load().lines;
         change
             .ended
@@ -241,23 +249,23 @@ impl Gateway {
             |line: &&Arc<SharedLine>| line.standby.is_some() && ending.contains(&line.number);
         let lines: Vec<_> = lines.iter().filter(ends).cloned().collect();
         for (line, outcome) in hand_over(&lines).await {
-            tracing::info!(line = %line.name, outcome = outcome.word(), "the line ends by a reload: asked to give it up");
+            tracing::info!(line = %line.name, outcome = outcome.keyword(), "the line ends by a reload: asked to give it up");
         }
     }
 
     /// From here on no drive of a removed line can be started. If one is in use, it is stopped or the reload is
     /// refused.
-    async fn have_leave(&self, ending: &[u16], removal: Removal) -> Result<(), Refusal> {
-        let stops = removal == Removal::Stop;
+    async fn have_leave(&self, ending: &[u16], removal: RemovalRule) -> Result<(), ReloadRefusal> {
+        let stops = removal == RemovalRule::Stop;
         let names = self.lines.leave(ending, stops).await;
         if names.is_empty() {
             return Ok(());
         }
         self.lines.stay(ending);
         Err(if stops {
-            Refusal::NoEffect(names)
+            ReloadRefusal::NoEffect(names)
         } else {
-            Refusal::InUse(names)
+            ReloadRefusal::InUse(names)
         })
     }
 
@@ -276,8 +284,14 @@ impl Gateway {
     }
 
     /// Nothing here can fail.
-    async fn switch(&mut self, new: Config, change: &Change, ending: &[u16], prepared: Prepared) {
-        let Prepared {
+    async fn switch(
+        &mut self,
+        new: Config,
+        change: &ConfigChange,
+        ending: &[u16],
+        prepared: PreparedReload,
+    ) {
+        let PreparedReload {
             shared,
             handles,
             bound,
@@ -316,19 +330,19 @@ mod tests {
             Err("read".to_owned())
         };
         let judge: Arc<Judge> = Arc::new(|_| Err("not judged".to_owned()));
-        let load = Load {
+        let load = ConfigOrigin {
             file: PathBuf::new(),
             read: Arc::new(read),
             judge,
         };
-        let mut loader = Loader::default();
+        let mut loader = ConfigLoader::default();
         for _ in 0..2 {
             let refused = loader
                 .load(&load, Duration::from_millis(10))
                 .await
                 .unwrap_err();
             assert!(
-                matches!(&refused, Refusal::System(what) if what.contains("cannot be read within")),
+                matches!(&refused, ReloadRefusal::System(what) if what.contains("cannot be read within")),
                 "{refused}"
             );
         }
@@ -336,7 +350,7 @@ mod tests {
         let refused = loader.load(&load, LOADED_WITHIN).await.unwrap_err();
         assert_eq!(
             refused,
-            Refusal::Configuration("read".to_owned()),
+            ReloadRefusal::Configuration("read".to_owned()),
             "it is read anew"
         );
     }

@@ -1,24 +1,24 @@
 //! The daemon: one thread per line, the north side on this one, until shutdown.
 
 use crate::config::Config;
-use crate::daemon::commissioning::Site;
-use crate::daemon::exchange::bell::Bell;
+use crate::daemon::commissioning::ConfigSite;
+use crate::daemon::exchange::bell::BrokerBell;
 use crate::daemon::exchange::north_sides::NorthSides;
-use crate::daemon::exchange::reload_request::{Refusal, Reloaded, Reloads};
-use crate::daemon::exchange::shared::Current;
+use crate::daemon::exchange::reload_request::{ReloadRefusal, ReloadRequests, Reloaded};
+use crate::daemon::exchange::shared::CurrentPlant;
 use crate::daemon::host::{directories, sys};
 use crate::daemon::http::socket::OwnSocket;
 use crate::daemon::journal::Journal;
 use crate::daemon::line_thread::Memory;
 use crate::daemon::lines;
-use crate::daemon::lines::threads::Lines;
+use crate::daemon::lines::threads::LineThreads;
 use crate::daemon::mqtt::broker_child::BrokerChild;
 use crate::daemon::service::build;
 use crate::daemon::service::conversations::BrokerSide;
 use crate::daemon::service::embedded_broker::embedded_broker;
-use crate::daemon::service::north::{self, North, ToolConnections};
+use crate::daemon::service::north::{self, RunningNorth, ToolConnections};
 use crate::daemon::service::notify;
-use crate::daemon::service::reload::{Gateway, Load, Loader};
+use crate::daemon::service::reload::{ConfigLoader, ConfigOrigin, RunningGateway};
 use crate::daemon::service::signals::told_to_end;
 use crate::daemon::service::start_error::StartError;
 use crate::domain::ids::Name;
@@ -44,7 +44,7 @@ const BESIDE_MAX: Duration = Duration::from_secs(1);
 
 /// What a running gateway reveals to its caller.
 #[derive(Debug)]
-pub struct Running<'a> {
+pub struct RunningInfo<'a> {
     /// The gateway's name.
     pub name: &'a Name,
     /// The actual addresses of the Modbus TCP listeners, in the order of the configuration.
@@ -54,10 +54,10 @@ pub struct Running<'a> {
     /// The address of the embedded broker, if there is one.
     pub broker: Option<SocketAddr>,
     /// What lines and north sides share.
-    pub shared: &'a Current,
+    pub shared: &'a CurrentPlant,
 }
 
-impl Running<'_> {
+impl RunningInfo<'_> {
     /// The counters of each line.
     #[must_use]
     pub fn counters(&self) -> Vec<LineCounters> {
@@ -78,9 +78,9 @@ impl Running<'_> {
 ///
 /// # Errors
 /// [`StartError`]; nothing keeps running then.
-pub fn run<F>(config: &Config, load: Option<Load>, until: F) -> Result<(), StartError>
+pub fn run<F>(config: &Config, load: Option<ConfigOrigin>, until: F) -> Result<(), StartError>
 where
-    F: AsyncFnOnce(&Running<'_>),
+    F: AsyncFnOnce(&RunningInfo<'_>),
 {
     run_for(config, load, None, until)
 }
@@ -96,19 +96,19 @@ pub fn run_for_tool<F>(
     until: F,
 ) -> Result<(), StartError>
 where
-    F: AsyncFnOnce(&Running<'_>),
+    F: AsyncFnOnce(&RunningInfo<'_>),
 {
     run_for(config, None, Some(connections), until)
 }
 
 fn run_for<F>(
     config: &Config,
-    load: Option<Load>,
+    load: Option<ConfigOrigin>,
     tool: Option<ToolConnections>,
     until: F,
 ) -> Result<(), StartError>
 where
-    F: AsyncFnOnce(&Running<'_>),
+    F: AsyncFnOnce(&RunningInfo<'_>),
 {
     sys::give_memory_back();
     let mut runtime = tokio::runtime::Builder::new_current_thread();
@@ -118,7 +118,7 @@ where
         .build()?;
     let local = LocalSet::new();
     let ended = runtime.block_on(local.run_until(async {
-        let (reloads, asked) = Reloads::channel();
+        let (reloads, asked) = ReloadRequests::channel();
         let (mut gateway, shown) = start(
             config,
             load.as_ref().map(|load| (load.site(), reloads.clone())),
@@ -133,7 +133,7 @@ where
         let name = gateway.name.clone();
         let current = gateway.current.clone();
         let (listening, http, broker) = shown;
-        let running = Running {
+        let running = RunningInfo {
             name: &name,
             listening,
             http,
@@ -146,7 +146,7 @@ where
     }));
     drop(local);
     runtime.shutdown_timeout(BESIDE_MAX);
-    ended.map(Lines::join)
+    ended.map(LineThreads::join)
 }
 
 /// Makes the directory if it is missing and may be made. The gateway controls without it.
@@ -166,9 +166,9 @@ type Addresses = (Vec<SocketAddr>, Option<SocketAddr>, Option<SocketAddr>);
 /// Acquires everything that the gateway needs, and starts it.
 async fn start(
     config: &Config,
-    reloads: Option<(Site, Reloads)>,
+    reloads: Option<(ConfigSite, ReloadRequests)>,
     tool: Option<ToolConnections>,
-) -> Result<(Gateway, Addresses), StartError> {
+) -> Result<(RunningGateway, Addresses), StartError> {
     warn_of(&config.warnings);
     let name = name_of(config);
     let sides = NorthSides {
@@ -198,7 +198,7 @@ async fn start(
     let (listening, http) = bound.addresses()?;
     let changed = Arc::clone(&shared.changed);
     let (journal, memory) = begun_journal(config, &sides, &changed)?;
-    let mut lines = Lines::new(
+    let mut lines = LineThreads::new(
         sides.clone(),
         journal.clone(),
         changed,
@@ -209,9 +209,9 @@ async fn start(
     for (settings, line) in config.lines.iter().zip(&shared.lines) {
         handles.push(lines.prepare(settings, Arc::clone(line)).await?);
     }
-    let current = Current::from(shared);
+    let current = CurrentPlant::from(shared);
     let both = (sides, journal.clone());
-    let north = North::start(
+    let north = RunningNorth::start(
         config,
         (&name, site),
         current.clone(),
@@ -224,8 +224,8 @@ async fn start(
         north.serve_tool(config, connections);
     }
     lines.begin(handles, &memory);
-    let loader = Loader::default();
-    let gateway = Gateway {
+    let loader = ConfigLoader::default();
+    let gateway = RunningGateway {
         config: config.clone(),
         name,
         current,
@@ -253,7 +253,7 @@ fn broker_side(
         .map_err(StartError::Mqtt)
 }
 
-async fn reload_on_hangup(mut hangup: Signal, reloads: Reloads) {
+async fn reload_on_hangup(mut hangup: Signal, reloads: ReloadRequests) {
     while hangup.recv().await.is_some() {
         // The outcome is logged.
         let _ = reloads.ask().await;
@@ -262,8 +262,8 @@ async fn reload_on_hangup(mut hangup: Signal, reloads: Reloads) {
 
 /// Handles requests to reload until `until` completes.
 async fn serve(
-    gateway: &mut Gateway,
-    load: Option<&Load>,
+    gateway: &mut RunningGateway,
+    load: Option<&ConfigOrigin>,
     mut asked: mpsc::Receiver<oneshot::Sender<Reloaded>>,
     until: impl Future<Output = ()>,
 ) {
@@ -286,7 +286,7 @@ async fn serve(
             }
             Err(refusal) => {
                 tracing::error!(
-                    reason = refusal.word(),
+                    reason = refusal.keyword(),
                     "configuration unchanged: {refusal}"
                 );
             }
@@ -305,19 +305,19 @@ fn warn_of(warnings: &[Problem]) {
     }
 }
 
-async fn reload(gateway: &mut Gateway, load: Option<&Load>) -> Reloaded {
+async fn reload(gateway: &mut RunningGateway, load: Option<&ConfigOrigin>) -> Reloaded {
     match load {
         Some(load) => gateway.reload(load).await,
-        None => Err(Refusal::NoFile),
+        None => Err(ReloadRefusal::NoFile),
     }
 }
 
 /// Shuts down: the declared actions, the last messages to the broker, and the end of the lines, which serve stops until
 /// then. A second signal cuts the waits short.
-async fn end(gateway: Gateway) -> Lines {
+async fn end(gateway: RunningGateway) -> LineThreads {
     notify::stopping();
     let alive = tokio::task::spawn_local(notify::keep_alive());
-    let Gateway {
+    let RunningGateway {
         mut lines,
         north,
         broker,
@@ -381,7 +381,7 @@ fn name_of(config: &Config) -> Name {
 fn begun_journal(
     config: &Config,
     sides: &NorthSides,
-    changed: &Arc<Bell>,
+    changed: &Arc<BrokerBell>,
 ) -> io::Result<(Option<Arc<Journal>>, Memory)> {
     let Some(settings) = build::journal(config) else {
         return Ok((None, Memory::new()));

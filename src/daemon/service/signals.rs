@@ -33,12 +33,12 @@ const IGNORED: [(Number, &str); 9] = [
 const OF_PROGRAMS: RangeInclusive<i32> = 34..=64;
 
 /// A signal with its name.
-struct Named {
+struct NamedSignal {
     signal: Signal,
     name: Cow<'static, str>,
 }
 
-impl Named {
+impl NamedSignal {
     fn of((number, name): &(Number, &'static str)) -> io::Result<Self> {
         Ok(Self {
             signal: signal(SignalKind::from_raw(number.as_raw()))?,
@@ -65,13 +65,16 @@ impl Named {
 /// # Errors
 /// The system's refusal to install the handlers.
 pub fn told_to_end() -> io::Result<impl Future<Output = ()>> {
-    let mut ends = ENDS.iter().map(Named::of).collect::<io::Result<Vec<_>>>()?;
+    let mut ends = ENDS
+        .iter()
+        .map(NamedSignal::of)
+        .collect::<io::Result<Vec<_>>>()?;
     let mut ignored = IGNORED
         .iter()
-        .map(Named::of)
+        .map(NamedSignal::of)
         .collect::<io::Result<Vec<_>>>()?;
     // A system without some of them sends none.
-    ignored.extend(OF_PROGRAMS.filter_map(|number| Named::of_program(number).ok()));
+    ignored.extend(OF_PROGRAMS.filter_map(|number| NamedSignal::of_program(number).ok()));
     // A file that may not grow is an error of the write then. To log it could write to that very file.
     drop(signal(SignalKind::from_raw(Number::XFSZ.as_raw()))?);
     Ok(async move {

@@ -4,7 +4,7 @@
 //! connect twice with the same number, and a late NDEATH of the first connection would mark the second as dead.
 
 use crate::daemon::host::user_files;
-use crate::daemon::host::whole_files::{self, Readers};
+use crate::daemon::host::whole_files::{self, FileReaders};
 use crate::daemon::mqtt::Chore;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -58,7 +58,8 @@ impl BdSeq {
         self.last = Some(number);
         let file = self.file.clone();
         let chore = move || {
-            let kept = whole_files::replace(&file, format!("{number}\n").as_bytes(), Readers::All);
+            let kept =
+                whole_files::replace(&file, format!("{number}\n").as_bytes(), FileReaders::All);
             if let Err(error) = kept {
                 // A gateway without a connection to its host would be worse than one that may reuse a number.
                 tracing::error!(file = %file.display(), %error, "cannot save the session number; it may be used again after a restart");

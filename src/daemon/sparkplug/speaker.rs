@@ -1,28 +1,28 @@
 //! The Sparkplug session with everything it reads: views, lines, answers.
 
 use super::BdSeq;
-use crate::daemon::exchange::answers::{AnswerBox, News};
+use crate::daemon::exchange::answers::{AnswerBox, LineNews};
 use crate::daemon::exchange::north_journal::Journal;
-use crate::daemon::exchange::shared::{Current, Shared, SharedLine};
+use crate::daemon::exchange::shared::{CurrentPlant, SharedLine, SharedPlant};
 use crate::daemon::exchange::to_lines::hand_over;
 use crate::daemon::exchange::totals::SparkplugTotals;
 use crate::daemon::host::random;
-use crate::daemon::mqtt::{Chore, Packet, Protocol, Rival};
+use crate::daemon::mqtt::{BrokerConversation, Chore, ClientPacket, ClientRival};
 use crate::domain::command::Owner;
 use crate::domain::ids::{Name, Ticket};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
-use crate::north::broker::{Event, LineState, Oversized, Publication, ToLine};
-use crate::north::clock::Moment;
-use crate::north::sparkplug::{Act, Session, Settings};
+use crate::north::broker::{BrokerEvent, OversizedPublication, Publication, SessionLine, ToLine};
+use crate::north::clock::ClockMoment;
+use crate::north::sparkplug::{Settings, SparkplugAct, SparkplugSession};
 use std::sync::Arc;
 
 /// What the speaker is connected to.
 #[derive(Debug)]
-pub struct Sides {
+pub struct SessionSides {
     /// The drives and lines.
-    pub current: Current,
+    pub current: CurrentPlant,
     /// The answers of the lines.
     pub news: Arc<AnswerBox>,
     /// Where the counts are published.
@@ -33,31 +33,31 @@ pub struct Sides {
 
 /// The gateway's side of the conversation, as an edge node.
 #[derive(Debug)]
-pub struct Speaker {
-    session: Session,
+pub struct NodeBrokerSession {
+    session: SparkplugSession,
     bdseq: BdSeq,
-    sides: Sides,
+    sides: SessionSides,
     /// The drives and lines of the session.
-    shared: Arc<Shared>,
-    /// The views as of the last look, in the order of [`Shared::drives`].
+    shared: Arc<SharedPlant>,
+    /// The views as of the last look, in the order of [`SharedPlant::drives`].
     views: Vec<Arc<DriveView>>,
-    lines: Vec<LineState>,
-    batch: Vec<News>,
+    lines: Vec<SessionLine>,
+    batch: Vec<LineNews>,
 }
 
-impl Speaker {
+impl NodeBrokerSession {
     /// Serves the drives and lines of `sides`; connections are numbered by `bdseq`. Tickets start at `first_ticket`, so
     /// that no answer to an earlier session is taken for one to this session.
     #[must_use]
     pub fn new(
         settings: Settings,
         bdseq: BdSeq,
-        sides: Sides,
+        sides: SessionSides,
         first_ticket: Ticket,
-        at: Moment,
+        at: ClockMoment,
     ) -> Self {
         let shared = sides.current.get();
-        let mut session = Session::new(
+        let mut session = SparkplugSession::new(
             settings,
             drives_of(&shared),
             &lines_of(&shared),
@@ -85,7 +85,7 @@ impl Speaker {
     fn take_news(&mut self) {
         self.sides.news.take(&mut self.batch);
         for news in self.batch.drain(..) {
-            if let News::Command(answer) = news {
+            if let LineNews::Command(answer) = news {
                 self.session.command_answer(&answer);
             }
         }
@@ -103,7 +103,7 @@ impl Speaker {
         self.look_at_views();
     }
 
-    fn look(&mut self) {
+    fn refresh(&mut self) {
         self.take_news();
         self.follow();
         self.look_at_views();
@@ -118,7 +118,7 @@ impl Speaker {
                 .map(|drive| drive.view.load_full()),
         );
         self.lines.clear();
-        let line = |line: &Arc<SharedLine>| LineState {
+        let line = |line: &Arc<SharedLine>| SessionLine {
             name: line.name.clone(),
             report: line.report(),
             // Nothing of them is published.
@@ -132,8 +132,8 @@ impl Speaker {
         let mut requests = Vec::new();
         while let Some(act) = self.session.next_inward() {
             match act {
-                Act::ToLine(request) => requests.push(request),
-                act => self.carry_out(act),
+                SparkplugAct::ToLine(request) => requests.push(request),
+                act => self.execute(act),
             }
         }
         self.hand_over(requests);
@@ -145,20 +145,23 @@ impl Speaker {
         }
     }
 
-    fn carry_out(&mut self, act: Act) {
+    fn execute(&mut self, act: SparkplugAct) {
         match act {
-            Act::ToLine(request) => self.hand_over([request]),
-            Act::Keep(drive, attempt) => {
+            SparkplugAct::ToLine(request) => self.hand_over([request]),
+            SparkplugAct::Keep(drive, attempt) => {
                 if let Some(journal) = &self.sides.journal {
                     journal.keep(drive, attempt);
                 }
             }
-            Act::Subscribe(_) | Act::Publish(_) | Act::Reconnect(_) | Act::Leave(_) => {}
+            SparkplugAct::Subscribe(_)
+            | SparkplugAct::Publish(_)
+            | SparkplugAct::Reconnect(_)
+            | SparkplugAct::Leave(_) => {}
         }
     }
 
-    fn count(&mut self, at: Moment) {
-        while let Some(Oversized {
+    fn count(&mut self, at: ClockMoment) {
+        while let Some(OversizedPublication {
             topic,
             bytes,
             limit,
@@ -178,7 +181,7 @@ impl Speaker {
     }
 }
 
-fn drives_of(shared: &Shared) -> Vec<DriveDescription> {
+fn drives_of(shared: &SharedPlant) -> Vec<DriveDescription> {
     shared
         .drives
         .iter()
@@ -186,11 +189,11 @@ fn drives_of(shared: &Shared) -> Vec<DriveDescription> {
         .collect()
 }
 
-fn lines_of(shared: &Shared) -> Vec<Name> {
+fn lines_of(shared: &SharedPlant) -> Vec<Name> {
     shared.lines.iter().map(|line| line.name.clone()).collect()
 }
 
-impl Protocol for Speaker {
+impl BrokerConversation for NodeBrokerSession {
     fn chore(&mut self) -> Option<Chore> {
         let (number, chore) = self.bdseq.begin();
         self.session.connecting(number);
@@ -209,7 +212,7 @@ impl Protocol for Speaker {
         self.session.will()
     }
 
-    fn handle(&mut self, at: Moment, event: Event<'_>) {
+    fn handle(&mut self, at: ClockMoment, event: BrokerEvent<'_>) {
         self.follow();
         let was_behind = self.session.counters().host_behind_ms;
         self.session.handle(at, event);
@@ -227,8 +230,8 @@ impl Protocol for Speaker {
         self.count(at);
     }
 
-    fn tick(&mut self, at: Moment) {
-        self.look();
+    fn tick(&mut self, at: ClockMoment) {
+        self.refresh();
         self.session.tick(at);
         self.pass_inward();
         self.count(at);
@@ -241,20 +244,22 @@ impl Protocol for Speaker {
             .min()
     }
 
-    fn next_packet(&mut self, at: Moment) -> Option<Packet> {
+    fn next_packet(&mut self, at: ClockMoment) -> Option<ClientPacket> {
         loop {
             self.pass_inward();
             match self.session.next_act(at, &self.views, &self.lines)? {
-                Act::Subscribe(filters) => return Some(Packet::Subscribe(filters)),
-                Act::Publish(publication) => return Some(Packet::Publish(publication)),
-                Act::Reconnect(reason) => return Some(Packet::Reconnect(reason)),
-                Act::Leave(reason) => return Some(Packet::Leave(reason)),
-                inward => self.carry_out(inward),
+                SparkplugAct::Subscribe(filters) => return Some(ClientPacket::Subscribe(filters)),
+                SparkplugAct::Publish(publication) => {
+                    return Some(ClientPacket::Publish(publication));
+                }
+                SparkplugAct::Reconnect(reason) => return Some(ClientPacket::Reconnect(reason)),
+                SparkplugAct::Leave(reason) => return Some(ClientPacket::Leave(reason)),
+                inward => self.execute(inward),
             }
         }
     }
 
-    fn contested(&mut self, rival: Option<Rival>) {
+    fn contested(&mut self, rival: Option<ClientRival>) {
         // The other gateway of a pair has taken the line over, and is the edge node from then on.
         self.sides
             .totals
@@ -265,7 +270,7 @@ impl Protocol for Speaker {
         self.sides.totals.set_lost(reason);
     }
 
-    fn farewell(&mut self, at: Moment) -> Vec<Publication> {
+    fn farewell(&mut self, at: ClockMoment) -> Vec<Publication> {
         self.session.farewell(at)
     }
 

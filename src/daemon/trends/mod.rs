@@ -13,13 +13,13 @@ pub use read::history;
 use crate::daemon::host::clock;
 use crate::daemon::host::file_identity::FileIdentity;
 use crate::daemon::journal::move_aside;
-use crate::north::page::kept::Minute;
+use crate::north::page::kept::TrendMinute;
 use rusqlite::{Error, ErrorCode};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use store::Store;
+use store::TrendStore;
 
 /// The file in the data directory.
 pub const FILE_NAME: &str = "trends.db";
@@ -28,12 +28,12 @@ const WAITING_MAX: usize = 8;
 
 /// The kept trends of a running gateway.
 #[derive(Debug)]
-pub struct Trends {
+pub struct KeptTrends {
     file: PathBuf,
-    minutes: SyncSender<Vec<Minute>>,
+    minutes: SyncSender<Vec<TrendMinute>>,
 }
 
-impl Trends {
+impl KeptTrends {
     /// Starts the thread that writes into `directory`, which no other process uses.
     ///
     /// # Errors
@@ -41,7 +41,7 @@ impl Trends {
     pub fn start(directory: &Path) -> io::Result<Arc<Self>> {
         let file = directory.join(FILE_NAME);
         let (minutes, waiting) = sync_channel(WAITING_MAX);
-        let writer = Writer {
+        let writer = TrendWriter {
             file: file.clone(),
             store: None,
             opened: None,
@@ -54,7 +54,7 @@ impl Trends {
     }
 
     /// Keeps these minutes.
-    pub fn keep(&self, minutes: Vec<Minute>) {
+    pub fn keep(&self, minutes: Vec<TrendMinute>) {
         if minutes.is_empty() {
             return;
         }
@@ -71,18 +71,18 @@ impl Trends {
 }
 
 /// The thread's part.
-struct Writer {
+struct TrendWriter {
     file: PathBuf,
     /// `None` until it could be opened.
-    store: Option<Store>,
+    store: Option<TrendStore>,
     /// The file that is open.
     opened: Option<FileIdentity>,
     /// The log says that nothing is kept.
     is_told: bool,
 }
 
-impl Writer {
-    fn run(mut self, waiting: &Receiver<Vec<Minute>>) {
+impl TrendWriter {
+    fn run(mut self, waiting: &Receiver<Vec<TrendMinute>>) {
         while let Ok(minutes) = waiting.recv() {
             match self.write(&minutes) {
                 Ok(()) if self.is_told => {
@@ -95,7 +95,7 @@ impl Writer {
         }
     }
 
-    fn write(&mut self, minutes: &[Minute]) -> Result<(), Error> {
+    fn write(&mut self, minutes: &[TrendMinute]) -> Result<(), Error> {
         // A process does not notice when a file that it has open is deleted or replaced.
         if self.store.is_some() && FileIdentity::at(&self.file) != self.opened {
             self.store = None;
@@ -103,7 +103,7 @@ impl Writer {
         }
         let store = match self.store.take() {
             Some(store) => store,
-            None => Store::open(&self.file)?,
+            None => TrendStore::open(&self.file)?,
         };
         self.opened = FileIdentity::at(&self.file);
         self.store.insert(store).write(minutes)

@@ -1,8 +1,8 @@
 //! Reads the kept rows of a drive while they are written.
 
 use crate::daemon::journal::reader::connect;
-use crate::north::page::history::{History, Names};
-use crate::north::page::kept::{Level, cells};
+use crate::north::page::history::{DriveHistory, Names};
+use crate::north::page::kept::{TrendLevel, cells};
 use rusqlite::Error;
 use std::path::Path;
 
@@ -13,12 +13,12 @@ use std::path::Path;
 pub fn history(
     file: &Path,
     drive: &str,
-    level: Level,
+    level: TrendLevel,
     rows: usize,
     until_s: i64,
     wanted: Names,
-) -> Result<History, Error> {
-    let mut history = History::new(level, wanted);
+) -> Result<DriveHistory, Error> {
+    let mut history = DriveHistory::new(level, wanted);
     if !file.exists() {
         // Nothing was kept yet.
         return Ok(history);

@@ -1,6 +1,6 @@
 //! The writer's side of the database: minutes are merged into the rows of each level.
 
-use crate::north::page::kept::{LEVELS, Minute, merged, stored};
+use crate::north::page::kept::{LEVELS, TrendMinute, merged, stored};
 use rusqlite::{Connection, Error, OptionalExtension, Transaction};
 use std::path::Path;
 use std::time::Duration;
@@ -24,9 +24,9 @@ const TABLES: &str = "
 
 /// The open database.
 #[derive(Debug)]
-pub struct Store(Connection);
+pub struct TrendStore(Connection);
 
-impl Store {
+impl TrendStore {
     /// Opens or creates it.
     ///
     /// # Errors
@@ -63,7 +63,7 @@ impl Store {
     ///
     /// # Errors
     /// SQLite's; nothing was written then.
-    pub fn write(&mut self, minutes: &[Minute]) -> Result<(), Error> {
+    pub fn write(&mut self, minutes: &[TrendMinute]) -> Result<(), Error> {
         let transaction = self.0.transaction()?;
         for minute in minutes {
             let shape = shape(&transaction, minute)?;
@@ -81,7 +81,7 @@ impl Store {
 
 fn shape(
     transaction: &Transaction<'_>,
-    Minute { drive, columns, .. }: &Minute,
+    TrendMinute { drive, columns, .. }: &TrendMinute,
 ) -> Result<i64, Error> {
     let key = (drive.as_str(), columns);
     let find = "SELECT number FROM shape WHERE drive = ? AND columns = ?";
@@ -99,7 +99,7 @@ fn shape(
 fn merge(
     transaction: &Transaction<'_>,
     key: (i64, i64, i64),
-    minute: &Minute,
+    minute: &TrendMinute,
 ) -> Result<(), Error> {
     let find = "SELECT cells FROM cells WHERE step = ? AND at = ? AND shape = ?";
     let known: Option<Vec<u8>> = transaction

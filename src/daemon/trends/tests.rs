@@ -3,24 +3,24 @@
 use super::*;
 use crate::daemon::testing::Dir;
 use crate::domain::ids::Name;
-use crate::north::page::kept::{Cell, LEVELS, Level};
+use crate::north::page::kept::{LEVELS, TrendCell, TrendLevel};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
 const COLUMNS: &str =
     r#"[{"name":"output_frequency","label":"Output frequency","unit":"Hz","digits":2}]"#;
-const HOUR: Level = LEVELS[2];
+const HOUR: TrendLevel = LEVELS[2];
 
-fn minute(drive: &str, at_s: i64, hertz: f64) -> Minute {
-    Minute {
+fn minute(drive: &str, at_s: i64, hertz: f64) -> TrendMinute {
+    TrendMinute {
         drive: Name::new(drive).unwrap(),
         columns: COLUMNS.to_owned(),
         at_s,
-        cells: vec![Cell::of(hertz)],
+        cells: vec![TrendCell::of(hertz)],
     }
 }
 
-fn values(file: &Path, drive: &str, level: Level) -> Value {
+fn values(file: &Path, drive: &str, level: TrendLevel) -> Value {
     history(file, drive, level, level.rows, i64::MAX, None)
         .unwrap()
         .document(drive)["values"]
@@ -37,12 +37,12 @@ fn a_minute_is_merged_into_its_row_of_each_level_also_after_a_restart() {
         "nothing was kept yet"
     );
     let day = 86_400;
-    let mut store = Store::open(&file).unwrap();
+    let mut store = TrendStore::open(&file).unwrap();
     store
         .write(&[minute("pump-1", day, 10.0), minute("fan-2", day, 50.0)])
         .unwrap();
     drop(store);
-    Store::open(&file)
+    TrendStore::open(&file)
         .unwrap()
         .write(&[
             minute("pump-1", day + 60, 20.0),
@@ -77,7 +77,7 @@ fn a_minute_is_merged_into_its_row_of_each_level_also_after_a_restart() {
 fn the_file_stays_bounded_and_a_clock_that_was_set_ahead_deletes_no_more_than_it_adds() {
     let directory = Dir::new();
     let file = directory.join(FILE_NAME);
-    let mut store = Store::open(&file).unwrap();
+    let mut store = TrendStore::open(&file).unwrap();
     let rows = i64::try_from(HOUR.rows).unwrap();
     let minutes = |from: i64, count: i64| {
         (from..from + count)
@@ -108,7 +108,7 @@ fn a_damaged_file_is_moved_aside_and_new_trends_are_kept() {
         "this is no database, and longer than the head of one. ".repeat(100),
     )
     .unwrap();
-    let trends = Trends::start(&directory).unwrap();
+    let trends = KeptTrends::start(&directory).unwrap();
     trends.keep(vec![minute("pump-1", 60, 10.0)]);
     let end = Instant::now() + Duration::from_secs(60);
     let aside = || std::fs::read_dir(&directory).unwrap().count();
@@ -131,7 +131,7 @@ fn a_damaged_file_is_moved_aside_and_new_trends_are_kept() {
 fn a_file_that_is_deleted_while_it_is_open_begins_anew() {
     let directory = Dir::new();
     let file = directory.join(FILE_NAME);
-    let mut writer = Writer {
+    let mut writer = TrendWriter {
         file: file.clone(),
         store: None,
         opened: None,

@@ -13,12 +13,12 @@ pub const HOLE_MAX: u16 = 13;
 
 /// How often a drive is polled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Pace {
+pub struct PollPace {
     /// Time between two polls of each class, in the order of the classes: it is asked for with every value.
     periods: [Duration; PollClass::ALL.len()],
 }
 
-impl Pace {
+impl PollPace {
     /// The pace of a drive with fast polls every `poll` on a line that stretches every period by `stretch`. A `stretch`
     /// below 1 or NaN counts as 1.
     #[must_use]
@@ -60,7 +60,7 @@ pub struct PollGroup {
 impl PollGroup {
     /// Time between two reads of this group on a drive that is polled at `pace`.
     #[must_use]
-    pub fn period(&self, pace: Pace) -> Duration {
+    pub fn period(&self, pace: PollPace) -> Duration {
         pace.period(self.class)
     }
 

@@ -3,7 +3,7 @@
 //! A line has one slot per drive in a period; the groups of one class of a drive follow each other in its slot. Classes
 //! are offset against each other by parts of a slot. Groups that can share a read fall due together.
 
-use super::groups::{Pace, PollGroup, may_be_read_along};
+use super::groups::{PollGroup, PollPace, may_be_read_along};
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::profile::model::{Model, PollClass};
@@ -30,7 +30,7 @@ impl PlaceOnLine {
 pub(super) fn spread(
     model: &Model,
     groups: &[PollGroup],
-    pace: Pace,
+    pace: PollPace,
     start: MonoTime,
     place: PlaceOnLine,
 ) -> Vec<MonoTime> {
@@ -63,7 +63,7 @@ fn own_moment(
     groups: &[PollGroup],
     leads: &[Option<usize>],
     group: &PollGroup,
-    pace: Pace,
+    pace: PollPace,
     place: PlaceOnLine,
     rank: u32,
 ) -> Duration {
@@ -84,7 +84,7 @@ fn own_moment(
 }
 
 /// The first group before the one at `at` that it can share a read with, if its period is a multiple of that group's.
-fn lead_of(model: &Model, groups: &[PollGroup], at: usize, pace: Pace) -> Option<usize> {
+fn lead_of(model: &Model, groups: &[PollGroup], at: usize, pace: PollPace) -> Option<usize> {
     let group = groups.get(at)?;
     let leads = |lead: &PollGroup| {
         let (long, short) = (

@@ -1,6 +1,6 @@
 //! A full refresh: every polled register of a drive once, as the plan reads it, and as few reads as its model allows.
 
-use super::groups::{Pace, apart, may_be_read_along};
+use super::groups::{PollPace, apart, may_be_read_along};
 use super::{PlaceOnLine, PollPlan};
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
@@ -16,7 +16,7 @@ pub fn full_refresh(model: &Model) -> Vec<Read> {
     let now = MonoTime::ZERO;
     let mut plan = PollPlan::new(
         model,
-        Pace::new(Duration::from_secs(1), 1.0),
+        PollPace::new(Duration::from_secs(1), 1.0),
         now,
         PlaceOnLine::ALONE,
     );

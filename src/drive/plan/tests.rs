@@ -1,7 +1,7 @@
 //! The plan of one drive, and of many drives on one line.
 
 use super::*;
-use crate::profile::model::{Access, Confidence, Register};
+use crate::profile::model::{Confidence, Register, RegisterAccess};
 use crate::vendors;
 
 fn model() -> Model {
@@ -44,7 +44,7 @@ fn neighbours_that_are_due_together_go_together_whatever_their_class() {
     let at = MonoTime::from_millis;
     let mut plan = PollPlan::new(
         &model,
-        Pace::new(Duration::from_millis(100), 1.0),
+        PollPace::new(Duration::from_millis(100), 1.0),
         at(0),
         PlaceOnLine::ALONE,
     );
@@ -96,7 +96,7 @@ fn a_read_that_covers_a_group_takes_the_place_of_its_poll() {
     let first = Address::holding(0x0101);
     let mut plan = PollPlan::new(
         &model(),
-        Pace::new(Duration::from_secs(1), 1.0),
+        PollPace::new(Duration::from_secs(1), 1.0),
         at(0),
         PlaceOnLine::ALONE,
     );
@@ -130,7 +130,7 @@ fn a_line_that_is_late_keeps_its_phase_and_does_not_catch_up() {
     let at = MonoTime::from_millis;
     let mut plan = PollPlan::new(
         &model(),
-        Pace::new(Duration::from_millis(100), 1.0),
+        PollPace::new(Duration::from_millis(100), 1.0),
         at(1000),
         PlaceOnLine {
             index: 1,
@@ -167,7 +167,7 @@ fn what_is_not_proven_is_read_apart_until_it_is_answered_and_seldom_if_it_never_
     assert_eq!(groups(&model)[0].count, 2, "what a line is planned with");
     let mut plan = PollPlan::new(
         &model,
-        Pace::new(Duration::from_millis(100), 1.0),
+        PollPace::new(Duration::from_millis(100), 1.0),
         at(0),
         PlaceOnLine::ALONE,
     );
@@ -210,7 +210,7 @@ fn with_registers(addresses: &[(u16, Option<PollClass>)]) -> Model {
     let register = |&(address, poll): &(u16, Option<PollClass>)| Register {
         address: address.into(),
         poll,
-        access: Access::Read,
+        access: RegisterAccess::Read,
         ..like.clone()
     };
     model.registers = addresses.iter().map(register).collect();
@@ -240,7 +240,7 @@ fn a_hole_is_read_along_where_all_of_it_is_listed_readable_and_documented() {
     let apart = [(Address::holding(0x0101), 1), (Address::holding(0x0104), 1)];
     let spoil: [fn(&mut Model); 5] = [
         |model| drop(model.registers.remove(1)),
-        |model| model.registers[1].access = Access::Write,
+        |model| model.registers[1].access = RegisterAccess::Write,
         |model| model.registers[2].confidence = Confidence::Sibling,
         |model| model.registers[2].confidence = Confidence::Configured,
         |model| model.read.max_words.value = 3,
@@ -274,7 +274,7 @@ fn what_is_planned_is_what_is_read() {
         let at = MonoTime::ZERO;
         let mut plan = PollPlan::new(
             model,
-            Pace::new(Duration::from_secs(1), 1.0),
+            PollPace::new(Duration::from_secs(1), 1.0),
             at,
             PlaceOnLine::ALONE,
         );
@@ -317,7 +317,7 @@ fn a_refused_bridge_is_not_tried_again_until_the_port_is_opened() {
     let at = MonoTime::from_millis;
     let mut plan = PollPlan::new(
         &model,
-        Pace::new(Duration::from_millis(100), 1.0),
+        PollPace::new(Duration::from_millis(100), 1.0),
         at(0),
         PlaceOnLine::ALONE,
     );
@@ -366,7 +366,7 @@ fn due_moments(model: &Model, drives: u32, from: u64) -> Vec<MonoTime> {
     let plan = |index| {
         PollPlan::new(
             model,
-            Pace::new(poll, 1.0),
+            PollPace::new(poll, 1.0),
             MonoTime::from_millis(from),
             place(index),
         )
@@ -424,7 +424,7 @@ fn a_line_that_was_down_does_not_have_all_its_polls_due_at_once() {
     let at = MonoTime::from_millis;
     let mut plan = PollPlan::new(
         &model,
-        Pace::new(Duration::from_secs(1), 1.0),
+        PollPace::new(Duration::from_secs(1), 1.0),
         at(0),
         PlaceOnLine::ALONE,
     );
@@ -451,7 +451,7 @@ fn a_line_that_was_down_does_not_have_all_its_polls_due_at_once() {
 fn whatever_waits_for_whole_periods_goes_first_whatever_its_class() {
     let plan = PollPlan::new(
         &model(),
-        Pace::new(Duration::from_secs(1), 1.0),
+        PollPace::new(Duration::from_secs(1), 1.0),
         MonoTime::ZERO,
         PlaceOnLine::ALONE,
     );

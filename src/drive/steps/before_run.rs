@@ -1,10 +1,13 @@
 //! What is sent before the run word: the words of a start, each once the drive shows the effect of the one before, and the
 //! direction of a model that takes it in a register of its own.
 
-use super::{Await, Condition, NoSteps, SHOWN_WITHIN, Skip, Step, StepPart, Write, order};
+use super::{
+    AwaitStep, CommandStep, NoSteps, RegisterCondition, SHOWN_WITHIN, SkipSteps, StepPart,
+    WriteStep, order,
+};
 use crate::domain::address::Address;
 use crate::domain::command::{Direction, Reason};
-use crate::profile::model::{Flag, Model, OrderKind, StartCondition, StartStep};
+use crate::profile::model::{IndicatedState, Model, OrderKind, StartCondition, StartStep};
 use std::time::Duration;
 
 /// `steps` of a run order, with what goes before the frame that carries the run word.
@@ -14,9 +17,9 @@ use std::time::Duration;
 pub(super) fn before_run(
     model: &Model,
     direction: Direction,
-    steps: Vec<Step>,
-) -> Result<Vec<Step>, NoSteps> {
-    let has_run = |step: &Step| matches!(step, Step::Write(writes) if writes.iter().any(|it| matches!(it.part, StepPart::Run(_))));
+    steps: Vec<CommandStep>,
+) -> Result<Vec<CommandStep>, NoSteps> {
+    let has_run = |step: &CommandStep| matches!(step, CommandStep::Write(writes) if writes.iter().any(|it| matches!(it.part, StepPart::Run(_))));
     let at = steps.iter().position(has_run).unwrap_or(steps.len());
     let mut before = start(model)?;
     before.extend(turn(model, direction)?);
@@ -29,14 +32,14 @@ pub(super) fn before_run(
 /// those before the last, which might take it back to a state in which its output is off: it may still ramp down. Neither
 /// does it need the last, unless that is the stop, which changes nothing in such a drive, and after which the run word is a
 /// change of the word that it holds.
-fn start(model: &Model) -> Result<Vec<Step>, NoSteps> {
+fn start(model: &Model) -> Result<Vec<CommandStep>, NoSteps> {
     let starts = model.start_steps();
     let Some(last) = starts.last() else {
         return Ok(Vec::new());
     };
     let (address, _) = order(model, OrderKind::Forward)?;
     let (_, stop) = order(model, OrderKind::Stop)?;
-    let steps: Vec<Step> = starts
+    let steps: Vec<CommandStep> = starts
         .iter()
         .flat_map(|step| written(address, step))
         .collect();
@@ -47,12 +50,13 @@ fn start(model: &Model) -> Result<Vec<Step>, NoSteps> {
     };
     let count = steps.len() - kept;
     let is_ready = match met_after(last) {
-        Some(condition) if count > 0 => Some(Step::Skip(Skip { condition, count })),
+        Some(condition) if count > 0 => Some(CommandStep::Skip(SkipSteps { condition, count })),
         _ => None,
     };
-    let runs = Condition::flag(model, Flag::Running, true).ok_or(NoSteps::NotCapable)?;
+    let runs =
+        RegisterCondition::flag(model, IndicatedState::Running, true).ok_or(NoSteps::NotCapable)?;
     let all = is_ready.into_iter().chain(steps).collect::<Vec<_>>();
-    Ok([Step::Skip(Skip {
+    Ok([CommandStep::Skip(SkipSteps {
         condition: runs,
         count: all.len(),
     })]
@@ -61,26 +65,26 @@ fn start(model: &Model) -> Result<Vec<Step>, NoSteps> {
     .collect())
 }
 
-fn written(address: Address, step: &StartStep) -> [Step; 2] {
-    let write = Write {
+fn written(address: Address, step: &StartStep) -> [CommandStep; 2] {
+    let write = WriteStep {
         address,
         value: step.write.value,
         part: StepPart::Start,
         shown: Vec::new(),
     };
     let wait = match met_after(step) {
-        Some(condition) => Step::Await(Await {
+        Some(condition) => CommandStep::Await(AwaitStep {
             condition,
             at_least: step.at_least,
             reason: Reason::NotReady,
         }),
-        None => Step::Pause(step.at_least),
+        None => CommandStep::Pause(step.at_least),
     };
-    [Step::Write(vec![write]), wait]
+    [CommandStep::Write(vec![write]), wait]
 }
 
 /// What the drive shows once it has followed `step`; `None` if only time must pass.
-fn met_after(step: &StartStep) -> Option<Condition> {
+fn met_after(step: &StartStep) -> Option<RegisterCondition> {
     let until = step.until.as_ref()?;
     let StartCondition {
         address,
@@ -88,7 +92,7 @@ fn met_after(step: &StartStep) -> Option<Condition> {
         values,
         within,
     } = until.clone();
-    Some(Condition {
+    Some(RegisterCondition {
         address,
         mask,
         values,
@@ -100,7 +104,7 @@ fn met_after(step: &StartStep) -> Option<Condition> {
 
 /// The direction. If its register can be read, the run word is sent only after it was read to hold the direction: an order
 /// is never given by half.
-fn turn(model: &Model, direction: Direction) -> Result<Vec<Step>, NoSteps> {
+fn turn(model: &Model, direction: Direction) -> Result<Vec<CommandStep>, NoSteps> {
     let words = model
         .run
         .as_ref()
@@ -112,7 +116,7 @@ fn turn(model: &Model, direction: Direction) -> Result<Vec<Step>, NoSteps> {
         Direction::Forward => words.forward,
         Direction::Reverse => words.reverse.ok_or(NoSteps::NotCapable)?,
     };
-    let write = Write {
+    let write = WriteStep {
         address: words.address,
         value,
         part: StepPart::Direction(direction),
@@ -122,12 +126,15 @@ fn turn(model: &Model, direction: Direction) -> Result<Vec<Step>, NoSteps> {
         .writable_at(words.address)
         .is_some_and(|register| register.access.can_read());
     let read = is_readable.then(|| {
-        let condition = Condition::holds(words.address, vec![value], SHOWN_WITHIN);
-        Step::Await(Await {
+        let condition = RegisterCondition::holds(words.address, vec![value], SHOWN_WITHIN);
+        CommandStep::Await(AwaitStep {
             condition,
             at_least: Duration::ZERO,
             reason: Reason::KeptOldValue,
         })
     });
-    Ok([Step::Write(vec![write])].into_iter().chain(read).collect())
+    Ok([CommandStep::Write(vec![write])]
+        .into_iter()
+        .chain(read)
+        .collect())
 }

@@ -1,18 +1,18 @@
 //! The steps of a reset, and those that clear the word of one that was interrupted.
 
-use super::{Condition, NoSteps, Step, StepPart, Write};
+use super::{CommandStep, NoSteps, RegisterCondition, StepPart, WriteStep};
 use crate::domain::command::Reason;
-use crate::profile::model::{Flag, Model, OrderKind, ResetWrite, Role};
+use crate::profile::model::{IndicatedState, Model, OrderKind, RegisterRole, ResetWrite};
 use std::time::Duration;
 
 /// The steps of a reset: the model's sequence, after which nothing turns.
 ///
 /// # Errors
 /// [`NoSteps::NotCapable`]
-pub fn of_reset(model: &Model) -> Result<Vec<Step>, NoSteps> {
+pub fn of_reset(model: &Model) -> Result<Vec<CommandStep>, NoSteps> {
     let writes = model.reset_writes();
     let last = writes.len().checked_sub(1).ok_or(NoSteps::NotCapable)?;
-    let is_seen = model.status_flag(Flag::Tripped).is_some();
+    let is_seen = model.status_flag(IndicatedState::Tripped).is_some();
     let step = |(index, write): (usize, &ResetWrite)| {
         let ends = index == last;
         let part = StepPart::Reset {
@@ -21,20 +21,20 @@ pub fn of_reset(model: &Model) -> Result<Vec<Step>, NoSteps> {
             is_seen,
         };
         let shown = if ends { reset_shown(model) } else { Vec::new() };
-        let pause = (!write.wait.is_zero()).then_some(Step::Pause(write.wait));
-        let write = Write {
+        let pause = (!write.wait.is_zero()).then_some(CommandStep::Pause(write.wait));
+        let write = WriteStep {
             address: write.address,
             value: write.value,
             part,
             shown,
         };
-        [Step::Write(vec![write])].into_iter().chain(pause)
+        [CommandStep::Write(vec![write])].into_iter().chain(pause)
     };
     let rest = model
         .quirks
         .deaf_after_reset
         .as_ref()
-        .map(|deaf| Step::Rest(deaf.value));
+        .map(|deaf| CommandStep::Rest(deaf.value));
     Ok(writes
         .iter()
         .enumerate()
@@ -48,20 +48,20 @@ pub fn of_reset(model: &Model) -> Result<Vec<Step>, NoSteps> {
 ///
 /// # Errors
 /// [`NoSteps::NotCapable`] if a reset leaves no word in the register.
-pub fn of_take_back(model: &Model) -> Result<Vec<Step>, NoSteps> {
+pub fn of_take_back(model: &Model) -> Result<Vec<CommandStep>, NoSteps> {
     let clears = model.reset_clears().ok_or(NoSteps::NotCapable)?;
     let (address, reset) = model.order(OrderKind::Reset).ok_or(NoSteps::NotCapable)?;
     let is_readable = model
         .writable_at(address)
         .is_some_and(|register| register.access.can_read());
-    let check = Step::Check {
+    let check = CommandStep::Check {
         address,
         least: reset.value,
         most: reset.value,
         reason: Reason::SetpointUnknown,
     };
     let check = is_readable.then_some(check);
-    let write = Write {
+    let write = WriteStep {
         address,
         value: clears.value,
         part: StepPart::TakesBack,
@@ -69,23 +69,24 @@ pub fn of_take_back(model: &Model) -> Result<Vec<Step>, NoSteps> {
     };
     Ok(check
         .into_iter()
-        .chain([Step::Write(vec![write])])
+        .chain([CommandStep::Write(vec![write])])
         .collect())
 }
 
 /// After a reset no trip holds and nothing turns, as far as the model shows it.
-fn reset_shown(model: &Model) -> Vec<Condition> {
-    let flags = [Flag::Tripped, Flag::Running]
+fn reset_shown(model: &Model) -> Vec<RegisterCondition> {
+    let flags = [IndicatedState::Tripped, IndicatedState::Running]
         .into_iter()
-        .filter_map(|flag| Condition::flag(model, flag, false));
+        .filter_map(|flag| RegisterCondition::flag(model, flag, false));
     let mut shown: Vec<_> = flags.collect();
     if shown.is_empty() {
         // One word of a pair may be 0 although the motor turns.
         let output = model
-            .register_for(Role::OutputFrequency)
+            .register_for(RegisterRole::OutputFrequency)
             .filter(|output| output.form.is_one_word());
-        shown
-            .extend(output.map(|output| Condition::holds(output.address, vec![0], Duration::ZERO)));
+        shown.extend(
+            output.map(|output| RegisterCondition::holds(output.address, vec![0], Duration::ZERO)),
+        );
     }
     shown
 }

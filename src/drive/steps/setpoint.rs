@@ -1,11 +1,11 @@
 //! How a setpoint is written, alone or before the run word, and how the drive shows it.
 
-use super::{Condition, NoSteps, SHOWN_WITHIN, Step, StepPart, Write};
-use crate::domain::command::{Direction, Go, Reason};
+use super::{CommandStep, NoSteps, RegisterCondition, SHOWN_WITHIN, StepPart, WriteStep};
+use crate::domain::command::{Direction, GoOrder, Reason};
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
-use crate::drive::bases::Bases;
-use crate::profile::model::{Model, Register, Role};
+use crate::drive::bases::FrequencyBases;
+use crate::profile::model::{Model, Register, RegisterRole};
 
 /// The write of a setpoint: one word, or both words of a pair. On a drive that turns by its sign, it is below 0 for reverse.
 pub(super) fn setpoint(
@@ -13,12 +13,12 @@ pub(super) fn setpoint(
     frequency: Hertz,
     toward: Direction,
     control: &ControlSettings,
-    bases: &Bases,
-) -> Result<Vec<Write>, NoSteps> {
+    bases: &FrequencyBases,
+) -> Result<Vec<WriteStep>, NoSteps> {
     let register = model
-        .register_for(Role::FrequencyCommand)
+        .register_for(RegisterRole::FrequencyCommand)
         .ok_or(NoSteps::NotCapable)?;
-    let write = |address, value, shown: &Option<Condition>| Write {
+    let write = |address, value, shown: &Option<RegisterCondition>| WriteStep {
         address,
         value,
         part: StepPart::Setpoint(frequency),
@@ -48,7 +48,7 @@ pub(super) fn setpoint(
             return shows(setting, frequency);
         }
         let words = setpoint_words(register, setting, frequency, value, bases)?;
-        Some(Condition::holds(
+        Some(RegisterCondition::holds(
             setting.address,
             words.into_iter().map(signed).collect(),
             SHOWN_WITHIN,
@@ -62,10 +62,10 @@ pub(super) fn setpoint(
 }
 
 /// That `setting` shows `frequency`; `None` if it does not hold it exactly.
-fn shows(setting: &Register, frequency: Hertz) -> Option<Condition> {
+fn shows(setting: &Register, frequency: Hertz) -> Option<RegisterCondition> {
     if let Some([first, second]) = setting.pair_of(frequency) {
-        let condition = Condition::holds(setting.address, vec![first], SHOWN_WITHIN);
-        return Some(Condition {
+        let condition = RegisterCondition::holds(setting.address, vec![first], SHOWN_WITHIN);
+        return Some(RegisterCondition {
             second: Some(second),
             ..condition
         });
@@ -74,7 +74,11 @@ fn shows(setting: &Register, frequency: Hertz) -> Option<Condition> {
         return None;
     }
     let word = frequency.to_word(setting.scale)?;
-    Some(Condition::holds(setting.address, vec![word], SHOWN_WITHIN))
+    Some(RegisterCondition::holds(
+        setting.address,
+        vec![word],
+        SHOWN_WITHIN,
+    ))
 }
 
 /// The words with which `setting` may show `frequency` once `register` has been given `value`.
@@ -83,7 +87,7 @@ fn setpoint_words(
     setting: &Register,
     frequency: Hertz,
     value: u16,
-    bases: &Bases,
+    bases: &FrequencyBases,
 ) -> Option<Vec<u16>> {
     if register.is_exact() && setting.is_exact() {
         return Some(vec![frequency.to_word(setting.scale)?]);
@@ -98,7 +102,7 @@ fn setpoint_words(
 /// The setpoint that is sent with RUN; `None` if the drive's own is checked instead.
 pub(super) fn setpoint_of_run(
     model: &Model,
-    go: &Go,
+    go: &GoOrder,
     last: Option<Hertz>,
 ) -> Result<Option<Hertz>, NoSteps> {
     // A range of words can be checked, a range of pairs is not; a sign that orders the direction is given anew.
@@ -114,10 +118,14 @@ pub(super) fn setpoint_of_run(
     }
 }
 
-pub(super) fn setpoint_and_run(model: &Model, setpoint: Vec<Write>, run: Write) -> Vec<Step> {
-    let setpoint = match <[Write; 1]>::try_from(setpoint) {
+pub(super) fn setpoint_and_run(
+    model: &Model,
+    setpoint: Vec<WriteStep>,
+    run: WriteStep,
+) -> Vec<CommandStep> {
+    let setpoint = match <[WriteStep; 1]>::try_from(setpoint) {
         Ok([setpoint]) => setpoint,
-        Err(pair) => return vec![Step::Write(pair), Step::Write(vec![run])],
+        Err(pair) => return vec![CommandStep::Write(pair), CommandStep::Write(vec![run])],
     };
     let low = setpoint.address.min(run.address);
     let high = setpoint.address.max(run.address);
@@ -133,9 +141,12 @@ pub(super) fn setpoint_and_run(model: &Model, setpoint: Vec<Write>, run: Write) 
             && (block.address..end).contains(&high)
     });
     match (in_one_frame, setpoint.address == low) {
-        (true, true) => vec![Step::Write(vec![setpoint, run])],
-        (true, false) => vec![Step::Write(vec![run, setpoint])],
-        (false, _) => vec![Step::Write(vec![setpoint]), Step::Write(vec![run])],
+        (true, true) => vec![CommandStep::Write(vec![setpoint, run])],
+        (true, false) => vec![CommandStep::Write(vec![run, setpoint])],
+        (false, _) => vec![
+            CommandStep::Write(vec![setpoint]),
+            CommandStep::Write(vec![run]),
+        ],
     }
 }
 
@@ -143,12 +154,12 @@ pub(super) fn setpoint_and_run(model: &Model, setpoint: Vec<Write>, run: Write) 
 pub(super) fn check_setting(
     model: &Model,
     control: &ControlSettings,
-    bases: &Bases,
-) -> Result<Step, NoSteps> {
+    bases: &FrequencyBases,
+) -> Result<CommandStep, NoSteps> {
     let setting = model.setting_register().ok_or(NoSteps::NotCapable)?;
     let words = setting.words_within((control.least, control.most), |address| bases.word(address));
     let (least, most) = words.ok_or(NoSteps::BetweenSteps)?;
-    Ok(Step::Check {
+    Ok(CommandStep::Check {
         address: setting.address,
         least,
         most,

@@ -2,14 +2,14 @@
 
 use super::*;
 use crate::drive::testing::{control, model, with_block, with_status};
-use crate::profile::model::Role;
+use crate::profile::model::RegisterRole;
 
 fn hertz(centi: u16) -> Hertz {
     Hertz::from_centihertz(centi)
 }
 
-fn write(address: u16, value: u16, part: StepPart, shown: Vec<Condition>) -> Write {
-    Write {
+fn write(address: u16, value: u16, part: StepPart, shown: Vec<RegisterCondition>) -> WriteStep {
+    WriteStep {
         address: address.into(),
         value,
         part,
@@ -17,31 +17,38 @@ fn write(address: u16, value: u16, part: StepPart, shown: Vec<Condition>) -> Wri
     }
 }
 
-fn one(address: u16, value: u16, part: StepPart, shown: Vec<Condition>) -> Step {
-    Step::Write(vec![write(address, value, part, shown)])
+fn one(address: u16, value: u16, part: StepPart, shown: Vec<RegisterCondition>) -> CommandStep {
+    CommandStep::Write(vec![write(address, value, part, shown)])
 }
 
-fn run_forward() -> Go {
-    Go::new(Vec::new(), None, Some(Direction::Forward)).unwrap()
+fn run_forward() -> GoOrder {
+    GoOrder::new(Vec::new(), None, Some(Direction::Forward)).unwrap()
 }
 
 #[test]
 fn setpoint_goes_before_run() {
-    let go = Go::new(Vec::new(), Some(hertz(4250)), Some(Direction::Forward)).unwrap();
-    let shown = Condition::holds(0x0201_u16.into(), vec![4250], SHOWN_WITHIN);
+    let go = GoOrder::new(Vec::new(), Some(hertz(4250)), Some(Direction::Forward)).unwrap();
+    let shown = RegisterCondition::holds(0x0201_u16.into(), vec![4250], SHOWN_WITHIN);
     let setpoint = one(0x0004, 4250, StepPart::Setpoint(hertz(4250)), vec![shown]);
     let run = one(0x0002, 1, StepPart::Run(Direction::Forward), vec![]);
     assert_eq!(
-        of_go(&model(), &go, &control(), None, &Bases::default()).unwrap(),
+        of_go(&model(), &go, &control(), None, &FrequencyBases::default()).unwrap(),
         [setpoint, run]
     );
 }
 
 #[test]
 fn setpoint_and_run_share_a_frame_where_the_model_allows_it() {
-    let go = Go::new(Vec::new(), Some(hertz(4250)), Some(Direction::Forward)).unwrap();
-    let steps = of_go(&with_block(), &go, &control(), None, &Bases::default()).unwrap();
-    let [Step::Write(writes)] = &steps[..] else {
+    let go = GoOrder::new(Vec::new(), Some(hertz(4250)), Some(Direction::Forward)).unwrap();
+    let steps = of_go(
+        &with_block(),
+        &go,
+        &control(),
+        None,
+        &FrequencyBases::default(),
+    )
+    .unwrap();
+    let [CommandStep::Write(writes)] = &steps[..] else {
         panic!("{steps:?}")
     };
     let words: Vec<_> = writes
@@ -53,8 +60,8 @@ fn setpoint_and_run_share_a_frame_where_the_model_allows_it() {
 
 #[test]
 fn run_alone_looks_at_the_drives_own_setting_first() {
-    let go = Go::new(Vec::new(), None, Some(Direction::Reverse)).unwrap();
-    let check = Step::Check {
+    let go = GoOrder::new(Vec::new(), None, Some(Direction::Reverse)).unwrap();
+    let check = CommandStep::Check {
         address: 0x0201_u16.into(),
         least: 500,
         most: 5000,
@@ -67,7 +74,7 @@ fn run_alone_looks_at_the_drives_own_setting_first() {
             &go,
             &control(),
             Some(hertz(3000)),
-            &Bases::default()
+            &FrequencyBases::default()
         )
         .unwrap(),
         [check, run]
@@ -79,9 +86,15 @@ fn a_setpoint_that_cannot_be_relied_on_is_written_before_each_run() {
     let mut model = model();
     model
         .registers
-        .retain(|register| register.role != Some(Role::FrequencySetting));
+        .retain(|register| register.role != Some(RegisterRole::FrequencySetting));
     assert_eq!(
-        of_go(&model, &run_forward(), &control(), None, &Bases::default()),
+        of_go(
+            &model,
+            &run_forward(),
+            &control(),
+            None,
+            &FrequencyBases::default()
+        ),
         Err(NoSteps::SetpointUnknown)
     );
     let steps = of_go(
@@ -89,7 +102,7 @@ fn a_setpoint_that_cannot_be_relied_on_is_written_before_each_run() {
         &run_forward(),
         &control(),
         Some(hertz(3000)),
-        &Bases::default(),
+        &FrequencyBases::default(),
     )
     .unwrap();
     let setpoint = one(0x0004, 3000, StepPart::Setpoint(hertz(3000)), vec![]);
@@ -109,10 +122,10 @@ fn run_is_shown_by_the_status_word_where_there_is_one() {
         &run_forward(),
         &control(),
         None,
-        &Bases::default(),
+        &FrequencyBases::default(),
     )
     .unwrap();
-    let [_, Step::Write(writes)] = &steps[..] else {
+    let [_, CommandStep::Write(writes)] = &steps[..] else {
         panic!("{steps:?}")
     };
     let [running, reverse] = &writes[0].shown[..] else {
@@ -127,13 +140,13 @@ fn a_register_is_read_back() {
     let ramp = RegisterWrite::new(0x020C_u16, 100);
     let steps = of_go(
         &model(),
-        &Go::new(vec![ramp], None, None).unwrap(),
+        &GoOrder::new(vec![ramp], None, None).unwrap(),
         &control(),
         None,
-        &Bases::default(),
+        &FrequencyBases::default(),
     )
     .unwrap();
-    let shown = Condition::holds(0x020C_u16.into(), vec![100], Duration::ZERO);
+    let shown = RegisterCondition::holds(0x020C_u16.into(), vec![100], Duration::ZERO);
     assert_eq!(steps, [one(0x020C, 100, StepPart::Register, vec![shown])]);
 }
 
@@ -151,7 +164,7 @@ fn a_reset_never_carries_a_run_order() {
             shown,
         )
     };
-    let still = Condition::holds(0x0101_u16.into(), vec![0], Duration::ZERO);
+    let still = RegisterCondition::holds(0x0101_u16.into(), vec![0], Duration::ZERO);
     let expected = [
         reset(0, false, vec![]),
         reset(4, false, vec![]),
@@ -170,7 +183,7 @@ fn only_what_the_model_asks_for_is_set_up() {
     model.setup = crate::drive::testing::setup();
     let steps = of_setup(&model, &[0x0212_u16.into(), 0x0211_u16.into()]).unwrap();
     let words = steps.iter().map(|step| match step {
-        Step::Write(writes) => (writes[0].address.number(), writes[0].value),
+        CommandStep::Write(writes) => (writes[0].address.number(), writes[0].value),
         other => panic!("{other:?}"),
     });
     assert_eq!(
@@ -183,9 +196,15 @@ fn only_what_the_model_asks_for_is_set_up() {
 
 #[test]
 fn what_the_register_cannot_hold_is_refused() {
-    let fine = Go::new(Vec::new(), Some(Hertz::from_millihertz(42_505)), None).unwrap();
+    let fine = GoOrder::new(Vec::new(), Some(Hertz::from_millihertz(42_505)), None).unwrap();
     assert_eq!(
-        of_go(&model(), &fine, &control(), None, &Bases::default()),
+        of_go(
+            &model(),
+            &fine,
+            &control(),
+            None,
+            &FrequencyBases::default()
+        ),
         Err(NoSteps::BetweenSteps)
     );
 }

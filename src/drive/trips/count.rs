@@ -1,6 +1,6 @@
 //! Trips of a drive that only counts them.
 
-use super::{READS_MAX, Reading, TripWatch};
+use super::{READS_MAX, RecordReading, TripWatch};
 use crate::domain::time::MonoTime;
 use crate::drive::doubt::READ_AGAIN_AFTER;
 use crate::drive::view::TripEvent;
@@ -81,7 +81,7 @@ impl TripWatch {
         let is_worn_out = reading.tries >= READS_MAX;
         if reading.count != Some(count) && !is_worn_out {
             let tries = reading.tries + u8::from(is_whole && reading.count.is_some());
-            reading = Reading {
+            reading = RecordReading {
                 count: Some(count),
                 tries,
                 is_news: true,

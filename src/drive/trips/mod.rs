@@ -20,13 +20,13 @@ mod places;
 #[cfg(test)]
 mod tests;
 
-use super::doubt::FallWatch;
+use super::doubt::CounterFallWatch;
 use super::view::{TripEvent, TripEventKind, TripRecord, TripView};
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::profile::model::Model;
 pub use baseline::TripBaseline;
-use places::{Places, Source, TripReading};
+use places::{TripPlaces, TripReading, TripSource};
 use std::time::Duration;
 
 /// How often a record is read again because the count kept rising or the read was not answered. After that the trips
@@ -39,7 +39,7 @@ const UNREAD_AFTER: Duration = Duration::from_secs(2);
 /// The trips of one drive.
 #[derive(Clone, Debug, Default)]
 pub struct TripWatch {
-    places: Option<Places>,
+    places: Option<TripPlaces>,
     view: TripView,
     /// The count up to which everything has been reported.
     told: Option<u16>,
@@ -48,7 +48,7 @@ pub struct TripWatch {
     /// A reading of the count that is believed once it has been read again, and when it was first read.
     doubted: Option<(u16, MonoTime)>,
     /// Whether the count has fallen.
-    fall: FallWatch,
+    fall: CounterFallWatch,
     /// Whether a trip was active when that was last known and reported, even before the drive went offline.
     held: Option<bool>,
     /// The vendor's number, or the bits, of the last trip reported or shown.
@@ -61,7 +61,7 @@ pub struct TripWatch {
     is_remembered: bool,
     /// Whether the trip source has been read since the start, or since the drive was offline.
     is_in_sight: bool,
-    reading: Option<Reading>,
+    reading: Option<RecordReading>,
     /// A reset was acknowledged; the next count shows whether it had an effect.
     reset_acknowledged: bool,
     /// A reading that may be another drive's contradicts what is known.
@@ -70,7 +70,7 @@ pub struct TripWatch {
 
 /// A record that is being read.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-struct Reading {
+struct RecordReading {
     /// The count that the record must belong to, on a drive that counts.
     count: Option<u16>,
     /// How many of the record's reads have arrived.
@@ -98,7 +98,7 @@ impl TripWatch {
     #[must_use]
     pub fn new(model: &Model) -> Self {
         Self {
-            places: Places::of(model),
+            places: TripPlaces::of(model),
             ..Self::default()
         }
     }
@@ -149,7 +149,7 @@ impl TripWatch {
         let reading = self.reading.as_ref()?;
         match (places.record.get(reading.parts), &places.source) {
             (Some(part), _) => Some(*part),
-            (None, Source::Count(count)) => Some((*count, 1)),
+            (None, TripSource::Count(count)) => Some((*count, 1)),
             (None, _) => None,
         }
     }
@@ -229,7 +229,7 @@ impl TripWatch {
         self.is_in_sight = false;
         self.is_contradicted = false;
         self.doubted = None;
-        self.fall = FallWatch::default();
+        self.fall = CounterFallWatch::default();
         told
     }
 
@@ -299,7 +299,7 @@ impl TripWatch {
             return None;
         }
         self.forget_cleared(code);
-        let waits = |it: &Reading| {
+        let waits = |it: &RecordReading| {
             it.is_news && now.since(it.seen_at) >= UNREAD_AFTER && self.is_another(code, it.code)
         };
         let told = if self.reading.as_ref().is_some_and(waits) {
@@ -309,7 +309,7 @@ impl TripWatch {
         };
         let last = self.shown;
         if self.reading.is_none() && self.is_another(code, last) {
-            self.reading = Some(Reading {
+            self.reading = Some(RecordReading {
                 instead_of: last,
                 ..self.new_reading(true, now)
             });
@@ -334,14 +334,14 @@ impl TripWatch {
         }
     }
 
-    fn new_reading(&self, is_news: bool, now: MonoTime) -> Reading {
+    fn new_reading(&self, is_news: bool, now: MonoTime) -> RecordReading {
         let was_active = self.view.active;
-        Reading {
+        RecordReading {
             is_news,
             seen_at: now,
             while_away: !self.is_in_sight,
             was_active,
-            ..Reading::default()
+            ..RecordReading::default()
         }
     }
 
@@ -411,7 +411,7 @@ impl TripWatch {
     fn is_counted(&self) -> bool {
         self.places
             .as_ref()
-            .is_some_and(|places| matches!(places.source, Source::Count(_)))
+            .is_some_and(|places| matches!(places.source, TripSource::Count(_)))
     }
 
     fn clear(&mut self, now: MonoTime) -> Option<TripEvent> {

@@ -1,29 +1,29 @@
 //! Where a model shows its trips: what indicates a trip, and the registers of its record.
 
 use crate::domain::address::Address;
-use crate::profile::model::{Flag, Model, Register, Role, StatusFlag, WordOrder};
+use crate::profile::model::{IndicatedState, Model, Register, RegisterRole, StatusFlag, WordOrder};
 use crate::profile::value::{code_under, codes_of_bits};
 
 /// What indicates a trip, the most reliable first.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Source {
+pub(super) enum TripSource {
     /// A flag of a status register is set as long as the trip is active.
     Flag(StatusFlag),
     /// A register holds the number of the present trip, or the bits of the present trips; 0 for none.
-    Code(Field),
+    Code(TripField),
     /// A register counts trips.
     Count(Address),
 }
 
 /// Where a number is: a word, some of its bits, or two words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Field {
+pub(super) struct TripField {
     pub address: Address,
     mask: u16,
     pair: Option<WordOrder>,
 }
 
-impl Field {
+impl TripField {
     const fn of(register: &Register) -> Self {
         Self {
             address: register.address,
@@ -51,7 +51,7 @@ pub(super) enum TripReading {
     Counted(u16),
 }
 
-impl Source {
+impl TripSource {
     /// What a reading tells whose registers hold what `word` says; nothing if it does not cover this source.
     pub fn seen(&self, word: impl Fn(Address) -> Option<u16>) -> Option<TripReading> {
         match self {
@@ -64,34 +64,37 @@ impl Source {
 
 /// Where one model shows its trips.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Places {
-    pub source: Source,
+pub(super) struct TripPlaces {
+    pub source: TripSource,
     /// First registers and numbers of words of the newest record, one read each.
     pub record: Vec<(Address, u16)>,
     /// The register of the record that holds the vendor's number, or the bits.
-    pub cause: Option<Field>,
+    pub cause: Option<TripField>,
     /// The cause is a word of bits, one for each trip.
     pub is_bits: bool,
 }
 
-impl Places {
+impl TripPlaces {
     /// `None` if the model shows no trips.
     pub fn of(model: &Model) -> Option<Self> {
         let address = |role| model.register_for(role).map(|register| register.address);
-        let flag = model.status_flag(Flag::Tripped).cloned().map(Source::Flag);
-        let field = |role| model.register_for(role).map(Field::of);
+        let flag = model
+            .status_flag(IndicatedState::Tripped)
+            .cloned()
+            .map(TripSource::Flag);
+        let field = |role| model.register_for(role).map(TripField::of);
         let code = || {
-            field(Role::TripCode)
-                .or_else(|| field(Role::TripBits))
-                .map(Source::Code)
+            field(RegisterRole::TripCode)
+                .or_else(|| field(RegisterRole::TripBits))
+                .map(TripSource::Code)
         };
         let source = flag
             .or_else(code)
-            .or_else(|| address(Role::TripCount).map(Source::Count))?;
-        let bits = field(Role::TripBits);
-        let cause = field(Role::TripCode)
+            .or_else(|| address(RegisterRole::TripCount).map(TripSource::Count))?;
+        let bits = field(RegisterRole::TripBits);
+        let cause = field(RegisterRole::TripCode)
             .or(bits)
-            .or_else(|| field(Role::TripCause));
+            .or_else(|| field(RegisterRole::TripCause));
         Some(Self {
             source,
             record: record(model),
@@ -121,16 +124,16 @@ impl Places {
 
 /// The registers of the newest record in as few reads as the model allows.
 fn record(model: &Model) -> Vec<(Address, u16)> {
-    let causes = [Role::TripCode, Role::TripBits];
+    let causes = [RegisterRole::TripCode, RegisterRole::TripBits];
     let code = causes
         .into_iter()
         .find(|role| model.register_for(*role).is_some())
-        .unwrap_or(Role::TripCause);
+        .unwrap_or(RegisterRole::TripCause);
     let roles = [
         code,
-        Role::TripFrequency,
-        Role::TripCurrent,
-        Role::TripDcLinkVoltage,
+        RegisterRole::TripFrequency,
+        RegisterRole::TripCurrent,
+        RegisterRole::TripDcLinkVoltage,
     ];
     let is_part = |register: &&Register| register.role.is_some_and(|role| roles.contains(&role));
     let mut reads: Vec<(Address, u16)> = Vec::new();

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::drive::testing::{model, with_status};
-use crate::profile::model::{Register, Role};
+use crate::profile::model::{Register, RegisterRole};
 
 const COUNT: u16 = 0x0112;
 const RECORD: [u16; 4] = [7, 2500, 31, 540];
@@ -732,23 +732,26 @@ fn bits() -> TripWatch {
     let shows_trips = |role| {
         matches!(
             role,
-            Role::TripCause | Role::TripCount | Role::TripFrequency
+            RegisterRole::TripCause | RegisterRole::TripCount | RegisterRole::TripFrequency
         )
     };
     let shows_more = |role| {
         matches!(
             role,
-            Role::TripCurrent | Role::TripDcLinkVoltage | Role::TripHistory
+            RegisterRole::TripCurrent | RegisterRole::TripDcLinkVoltage | RegisterRole::TripHistory
         )
     };
     model.registers.retain(|it| {
         it.role
             .is_none_or(|role| !shows_trips(role) && !shows_more(role))
     });
-    let output = model.register_for(Role::OutputFrequency).cloned().unwrap();
+    let output = model
+        .register_for(RegisterRole::OutputFrequency)
+        .cloned()
+        .unwrap();
     model.registers.push(Register {
         address: BITS.into(),
-        role: Some(Role::TripBits),
+        role: Some(RegisterRole::TripBits),
         ..output
     });
     model.registers.sort_by_key(|register| register.address);

@@ -3,8 +3,8 @@
 use super::{EnergySource, KeptUsage, MJ_PER_KWH, UsageTotals};
 use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
-use crate::drive::doubt::FallWatch;
-use crate::drive::plan::Pace;
+use crate::drive::doubt::CounterFallWatch;
+use crate::drive::plan::PollPace;
 use crate::drive::snapshot::DriveSnapshot;
 use crate::profile::model::{Model, PollClass, Register};
 use std::time::Duration;
@@ -18,8 +18,8 @@ const MJ_PER_MS_MAX: u64 = 1_000_000;
 /// Sums up what one drive uses.
 #[derive(Clone, Debug)]
 pub struct UsageMeter {
-    power: Option<Power>,
-    counter: Option<Counter>,
+    power: Option<PowerRegister>,
+    counter: Option<EnergyCounter>,
     /// The most that may lie between two readings of the run state.
     running_gap: Duration,
     /// When the run state was last read, while readings follow each other.
@@ -33,7 +33,7 @@ pub struct UsageMeter {
 
 /// The output power of a drive.
 #[derive(Clone, Debug)]
-struct Power {
+struct PowerRegister {
     register: Register,
     gap: Duration,
     /// The last reading in milliwatts.
@@ -42,7 +42,7 @@ struct Power {
 
 /// The energy counter of a drive.
 #[derive(Clone, Debug)]
-struct Counter {
+struct EnergyCounter {
     register: Register,
     /// The last reading in millijoules.
     last_mj: Option<u64>,
@@ -53,22 +53,22 @@ struct Counter {
     /// What readings of the output power added since the counter's last step, in millijoules.
     between_mj: u64,
     /// Whether the counter has fallen.
-    fall: FallWatch,
+    fall: CounterFallWatch,
 }
 
 impl UsageMeter {
     /// A meter for drives of `model`, polled at `pace`.
     #[must_use]
-    pub fn new(model: &Model, pace: Pace) -> Self {
+    pub fn new(model: &Model, pace: PollPace) -> Self {
         let gap = |class| pace.period(class) * GAP_PERIODS;
-        let power = |register: &Register| Power {
+        let power = |register: &Register| PowerRegister {
             register: register.clone(),
             gap: gap(register.poll.unwrap_or(PollClass::Slow)),
             last: None,
         };
         Self {
             power: super::power(model).map(power),
-            counter: super::counter(model).map(Counter::new),
+            counter: super::counter(model).map(EnergyCounter::new),
             running_gap: gap(PollClass::Fast),
             seen_at: None,
             ran: None,
@@ -169,7 +169,7 @@ impl UsageMeter {
     }
 }
 
-impl Power {
+impl PowerRegister {
     /// The energy in millijoules between the last two readings.
     fn take(&mut self, snapshot: &DriveSnapshot) -> u64 {
         let Some(reading) = snapshot.value(&self.register) else {
@@ -193,7 +193,7 @@ impl Power {
     }
 }
 
-impl Counter {
+impl EnergyCounter {
     fn new(register: &Register) -> Self {
         let register = register.clone();
         Self {
@@ -202,7 +202,7 @@ impl Counter {
             read_at: None,
             step_mj: 0,
             between_mj: 0,
-            fall: FallWatch::default(),
+            fall: CounterFallWatch::default(),
         }
     }
 
@@ -210,8 +210,10 @@ impl Counter {
     /// the output power tell, `by_power`, but less than a step; the step then settles it.
     fn take(&mut self, snapshot: &DriveSnapshot, by_power: u64) -> u64 {
         match self.rise(snapshot) {
-            Some(Rise::Used(used)) => used.saturating_sub(std::mem::take(&mut self.between_mj)),
-            Some(Rise::NotBelieved) => {
+            Some(CounterRise::Used(used)) => {
+                used.saturating_sub(std::mem::take(&mut self.between_mj))
+            }
+            Some(CounterRise::NotBelieved) => {
                 self.between_mj = 0;
                 0
             }
@@ -228,7 +230,7 @@ impl Counter {
     }
 
     /// What a new reading tells; `None` without one, or if the counter stands where it was.
-    fn rise(&mut self, snapshot: &DriveSnapshot) -> Option<Rise> {
+    fn rise(&mut self, snapshot: &DriveSnapshot) -> Option<CounterRise> {
         let reading = snapshot
             .value(&self.register)
             .filter(|reading| self.read_at != Some(reading.at))?;
@@ -247,11 +249,11 @@ impl Counter {
         };
         // A counter that reads lower may be a wrong reading: nothing is counted until that is clear.
         let Some(before_mj) = self.fall.base(now_mj, known_mj, reading.at) else {
-            return Some(Rise::NotBelieved);
+            return Some(CounterRise::NotBelieved);
         };
         self.last_mj = Some(now_mj);
         let Some(rise) = now_mj.checked_sub(before_mj) else {
-            return Some(Rise::NotBelieved);
+            return Some(CounterRise::NotBelieved);
         };
         let span_ms = read_before.map_or(u64::MAX, |before| {
             u64::try_from(reading.at.since(before).as_millis()).unwrap_or(u64::MAX)
@@ -261,14 +263,14 @@ impl Counter {
             .saturating_add(self.step_mj);
         match rise {
             0 => None,
-            rise if rise <= most => Some(Rise::Used(rise)),
-            _ => Some(Rise::NotBelieved),
+            rise if rise <= most => Some(CounterRise::Used(rise)),
+            _ => Some(CounterRise::NotBelieved),
         }
     }
 }
 
 /// What a reading of a counter tells.
-enum Rise {
+enum CounterRise {
     /// This much was used, in millijoules.
     Used(u64),
     /// It was reset, wrapped, or is that of another drive: counting goes on from where it is.

@@ -3,7 +3,7 @@
 use super::*;
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
-use crate::drive::plan::Pace;
+use crate::drive::plan::PollPace;
 use crate::drive::snapshot::DriveSnapshot;
 use crate::drive::testing::{model, with_status};
 use crate::profile::model::PollClass;
@@ -14,17 +14,23 @@ fn seconds(seconds: u64) -> MonoTime {
     MonoTime::from_millis(seconds * 1000)
 }
 
-fn pace() -> Pace {
-    Pace::new(POLL, 1.0)
+fn pace() -> PollPace {
+    PollPace::new(POLL, 1.0)
 }
 
 /// A model with a register of this role at 0x3000, polled slowly: every 4 s.
-fn with(role: Role, unit: UnitOfMeasure, scale: u32) -> Model {
+fn with(role: RegisterRole, unit: UnitOfMeasure, scale: u32) -> Model {
     let mut model = model();
-    model
-        .registers
-        .retain(|it| !matches!(it.role, Some(Role::OutputPower | Role::Energy)));
-    let other = model.register_for(Role::OutputFrequency).cloned().unwrap();
+    model.registers.retain(|it| {
+        !matches!(
+            it.role,
+            Some(RegisterRole::OutputPower | RegisterRole::Energy)
+        )
+    });
+    let other = model
+        .register_for(RegisterRole::OutputFrequency)
+        .cloned()
+        .unwrap();
     let address = Address::from(0x3000_u16);
     let poll = Some(PollClass::Slow);
     model.registers.push(Register {
@@ -55,7 +61,7 @@ fn energy_after(model: &Model, kept: KeptUsage, readings: &[(u64, u16)]) -> u64 
 
 #[test]
 fn power_is_summed_up_between_readings_that_follow_each_other() {
-    let power = with(Role::OutputPower, UnitOfMeasure::Kilowatt, 10);
+    let power = with(RegisterRole::OutputPower, UnitOfMeasure::Kilowatt, 10);
     const KWS: u64 = 1_000_000;
     let of_power = |readings: &[(u64, u16)]| energy_after(&power, KeptUsage::default(), readings);
     for (readings, kilowatt_seconds, why) in [
@@ -73,11 +79,11 @@ fn power_is_summed_up_between_readings_that_follow_each_other() {
 
 #[test]
 fn energy_that_is_fed_back_is_not_subtracted() {
-    let mut power = with(Role::OutputPower, UnitOfMeasure::Kilowatt, 10);
+    let mut power = with(RegisterRole::OutputPower, UnitOfMeasure::Kilowatt, 10);
     power
         .registers
         .iter_mut()
-        .filter(|it| it.role == Some(Role::OutputPower))
+        .filter(|it| it.role == Some(RegisterRole::OutputPower))
         .for_each(|it| it.signed = true);
     let fed_back = (-20_i16).cast_unsigned();
     assert_eq!(
@@ -92,7 +98,7 @@ fn energy_that_is_fed_back_is_not_subtracted() {
 
 #[test]
 fn nothing_is_measured_over_a_time_in_which_the_drive_was_offline() {
-    let power = with(Role::OutputPower, UnitOfMeasure::Kilowatt, 10);
+    let power = with(RegisterRole::OutputPower, UnitOfMeasure::Kilowatt, 10);
     let mut meter = UsageMeter::new(&power, pace());
     let mut snapshot = DriveSnapshot::default();
     for second in [0, 4] {
@@ -109,7 +115,7 @@ fn nothing_is_measured_over_a_time_in_which_the_drive_was_offline() {
 
 #[test]
 fn the_drives_own_counter_is_believed_as_far_as_a_drive_can_use() {
-    let counter = with(Role::Energy, UnitOfMeasure::KilowattHour, 10);
+    let counter = with(RegisterRole::Energy, UnitOfMeasure::KilowattHour, 10);
     const TENTH: u64 = 360_000_000;
     let totals = UsageTotals {
         energy_mj: 7,
@@ -166,7 +172,7 @@ fn the_drives_own_counter_is_believed_as_far_as_a_drive_can_use() {
             "{why}"
         );
     }
-    let megawatt_hours = with(Role::Energy, UnitOfMeasure::MegawattHour, 1000);
+    let megawatt_hours = with(RegisterRole::Energy, UnitOfMeasure::MegawattHour, 1000);
     assert_eq!(
         energy_after(&megawatt_hours, KeptUsage::default(), &[(0, 1), (60, 2)]),
         10 * TENTH
@@ -175,11 +181,11 @@ fn the_drives_own_counter_is_believed_as_far_as_a_drive_can_use() {
 
 #[test]
 fn between_two_steps_of_a_counter_the_output_power_tells_what_is_used() {
-    let mut both = with(Role::Energy, UnitOfMeasure::KilowattHour, 1);
-    let counter = both.register_for(Role::Energy).cloned().unwrap();
+    let mut both = with(RegisterRole::Energy, UnitOfMeasure::KilowattHour, 1);
+    let counter = both.register_for(RegisterRole::Energy).cloned().unwrap();
     let power = Register {
         address: Address::from(0x3001_u16),
-        role: Some(Role::OutputPower),
+        role: Some(RegisterRole::OutputPower),
         unit: UnitOfMeasure::Kilowatt,
         ..counter
     };
@@ -344,14 +350,14 @@ fn sums_are_returned_when_they_have_changed_and_not_too_often() {
 #[test]
 fn a_drive_has_the_sums_that_its_model_can_tell() {
     let all = |model: &Model| UsagePart::ALL.map(|part| UsageParts::of(model).has(part));
-    let power = with(Role::OutputPower, UnitOfMeasure::Kilowatt, 10);
+    let power = with(RegisterRole::OutputPower, UnitOfMeasure::Kilowatt, 10);
     assert_eq!(
         (all(&power), UsageParts::of(&power).energy),
         ([true; 4], Some(EnergySource::Power))
     );
-    let counter = with(Role::Energy, UnitOfMeasure::KilowattHour, 10);
+    let counter = with(RegisterRole::Energy, UnitOfMeasure::KilowattHour, 10);
     assert_eq!(UsageParts::of(&counter).energy, Some(EnergySource::Counter));
-    let per_cent = with(Role::OutputPower, UnitOfMeasure::Percent, 10);
+    let per_cent = with(RegisterRole::OutputPower, UnitOfMeasure::Percent, 10);
     assert_eq!(
         all(&per_cent),
         [false, true, true, true],
@@ -372,7 +378,11 @@ fn a_sum_is_shown_in_full_steps() {
         trips: 2,
     };
     let view = UsageView {
-        parts: UsageParts::of(&with(Role::OutputPower, UnitOfMeasure::Kilowatt, 10)),
+        parts: UsageParts::of(&with(
+            RegisterRole::OutputPower,
+            UnitOfMeasure::Kilowatt,
+            10,
+        )),
         totals,
     };
     let shown = UsagePart::ALL.map(|part| view.value(part).unwrap().to_string());

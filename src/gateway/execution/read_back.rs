@@ -1,9 +1,9 @@
 //! Read-back of a command: each condition of its steps is read until it is met, or until its time is over.
 
-use super::{Execution, Next, Stage, writes_of};
+use super::{CommandExecution, CommandStage, StepResult, writes_of};
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::time::MonoTime;
-use crate::drive::steps::Condition;
+use crate::drive::steps::RegisterCondition;
 use std::time::Duration;
 
 /// Maximum number of attempts for a read.
@@ -11,7 +11,7 @@ pub(super) const READS_MAX: u8 = 3;
 /// Time between two reads of a condition that is not met yet.
 pub(super) const LOOK_EVERY: Duration = Duration::from_millis(50);
 
-impl Execution {
+impl CommandExecution {
     /// Checks `words` against the condition `shown` of the step at `index`, and against the following ones in the same
     /// register.
     pub(super) fn shown(
@@ -20,7 +20,7 @@ impl Execution {
         shown: usize,
         words: &[u16],
         now: MonoTime,
-    ) -> Next {
+    ) -> StepResult {
         let Some(condition) = self.condition(index, shown) else {
             return self.end();
         };
@@ -39,81 +39,83 @@ impl Execution {
         if now < until {
             self.ready_at = now + LOOK_EVERY;
             self.in_vain = 0;
-            return Next::Goes(None);
+            return StepResult::Goes(None);
         }
-        let reason = if matches!(self.stage, Stage::Resolve(..)) {
+        let reason = if matches!(self.stage, CommandStage::Resolve(..)) {
             Reason::NoReply
         } else {
             Reason::NotReadBack
         };
-        Next::Ends(Report {
+        StepResult::Ends(Report {
             held: words.first().copied(),
             ..Report::new(Outcome::Failed, reason)
         })
     }
 
     /// The step at `index` has shown everything up to its condition `next`.
-    fn is_shown(&mut self, index: usize, next: usize) -> Next {
-        let resolves = matches!(self.stage, Stage::Resolve(..));
+    fn is_shown(&mut self, index: usize, next: usize) -> StepResult {
+        let resolves = matches!(self.stage, CommandStage::Resolve(..));
         let stage = if resolves {
-            Stage::Resolve
+            CommandStage::Resolve
         } else {
-            Stage::ReadBack
+            CommandStage::ReadBack
         };
         if self.condition(index, next).is_some() {
             self.look_at(stage(index, next));
-            return Next::Goes(None);
+            return StepResult::Goes(None);
         }
         let mut behind = self.approved.steps().iter().skip(index + 1);
         match self.next_shown(index + 1) {
             // The writes after an unanswered one were never sent.
             _ if resolves && behind.any(|step| !writes_of(step).is_empty()) => {
-                Next::Ends(Report::new(Outcome::Failed, Reason::NoReply))
+                StepResult::Ends(Report::new(Outcome::Failed, Reason::NoReply))
             }
             Some(step) if !resolves => {
-                self.look_at(Stage::ReadBack(step, 0));
-                Next::Goes(None)
+                self.look_at(CommandStage::ReadBack(step, 0));
+                StepResult::Goes(None)
             }
             _ => self.end(),
         }
     }
 
     /// The step at `index` was not answered: its conditions are read, if it has any.
-    pub(super) fn resolve(&mut self, index: usize) -> Next {
+    pub(super) fn resolve(&mut self, index: usize) -> StepResult {
         let report = Report::new(Outcome::Unknown, Reason::NoReply);
         if self.condition(index, 0).is_none() {
-            return Next::Ends(report);
+            return StepResult::Ends(report);
         }
-        self.look_at(Stage::Resolve(index, 0));
-        Next::Goes(Some(report))
+        self.look_at(CommandStage::Resolve(index, 0));
+        StepResult::Goes(Some(report))
     }
 
-    pub(super) fn look_at(&mut self, stage: Stage) {
+    pub(super) fn look_at(&mut self, stage: CommandStage) {
         self.stage = stage;
         self.in_vain = 0;
         self.shown_until = None;
     }
 
-    pub(super) fn read_again(&mut self) -> Next {
+    pub(super) fn read_again(&mut self) -> StepResult {
         self.in_vain += 1;
         if self.in_vain < READS_MAX {
-            Next::Goes(None)
+            StepResult::Goes(None)
         } else {
             self.give_up_reading()
         }
     }
 
-    pub(super) fn give_up_reading(&mut self) -> Next {
-        Next::Ends(match self.stage {
-            Stage::Step(_) if self.has_begun => Report::new(Outcome::Failed, Reason::NoReply),
-            Stage::Step(_) => Report::refused(Reason::NoReply),
-            Stage::ReadBack(..) if self.is_unanswered => {
+    pub(super) fn give_up_reading(&mut self) -> StepResult {
+        StepResult::Ends(match self.stage {
+            CommandStage::Step(_) if self.has_begun => {
+                Report::new(Outcome::Failed, Reason::NoReply)
+            }
+            CommandStage::Step(_) => Report::refused(Reason::NoReply),
+            CommandStage::ReadBack(..) if self.is_unanswered => {
                 Report::new(Outcome::Unknown, Reason::NoReply)
             }
-            Stage::ReadBack(..) | Stage::Done => {
+            CommandStage::ReadBack(..) | CommandStage::Done => {
                 Report::new(Outcome::Acknowledged, Reason::NoReply)
             }
-            Stage::Resolve(..) => Report::new(Outcome::Unknown, Reason::NoReply),
+            CommandStage::Resolve(..) => Report::new(Outcome::Unknown, Reason::NoReply),
         })
     }
 
@@ -123,7 +125,7 @@ impl Execution {
     }
 
     /// The condition `shown` of the step at `index`.
-    pub(super) fn condition(&self, index: usize, shown: usize) -> Option<&Condition> {
+    pub(super) fn condition(&self, index: usize, shown: usize) -> Option<&RegisterCondition> {
         let step = self.approved.steps().get(index)?;
         writes_of(step)
             .iter()

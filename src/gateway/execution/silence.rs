@@ -1,13 +1,13 @@
 //! A write that the drive never answers: it is sent once, and a later read shows its outcome.
 
-use super::{Execution, Next, Stage, writes_of};
+use super::{CommandExecution, CommandStage, StepResult, writes_of};
 use crate::domain::time::MonoTime;
 use crate::drive::steps::StepPart;
 
-impl Execution {
+impl CommandExecution {
     /// The drive has said nothing to the current step. `None` if it should have answered.
-    pub fn silent_as_announced(&mut self, now: MonoTime) -> Option<Next> {
-        let Stage::Step(index) = self.stage else {
+    pub fn silent_as_announced(&mut self, now: MonoTime) -> Option<StepResult> {
+        let CommandStage::Step(index) = self.stage else {
             return None;
         };
         let is_announced = self
@@ -25,20 +25,20 @@ impl Execution {
     pub fn parts_in_question(&self) -> Vec<StepPart> {
         let steps = self.approved.steps();
         match self.stage {
-            Stage::Resolve(index, _) => steps
+            CommandStage::Resolve(index, _) => steps
                 .get(index)
                 .map_or(&[][..], writes_of)
                 .iter()
                 .map(|write| write.part)
                 .collect(),
-            Stage::ReadBack(..) if self.is_unanswered => {
+            CommandStage::ReadBack(..) if self.is_unanswered => {
                 let silent = steps
                     .iter()
                     .flat_map(writes_of)
                     .filter(|write| self.approved.is_silent(write));
                 silent.map(|write| write.part).collect()
             }
-            Stage::ReadBack(..) | Stage::Step(_) | Stage::Done => Vec::new(),
+            CommandStage::ReadBack(..) | CommandStage::Step(_) | CommandStage::Done => Vec::new(),
         }
     }
 }

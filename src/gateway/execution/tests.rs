@@ -3,14 +3,14 @@
 use super::*;
 use crate::domain::address::Address;
 use crate::domain::command::{
-    CommandRequest, Direction, Go, Manner, Origin, Owner, RegisterWrite, Rights,
+    CommandRequest, Direction, GoOrder, OrderManner, Origin, Owner, RegisterWrite, Rights,
 };
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{AskerId, DriveIndex, Ticket};
 use crate::drive::testing::{control, fact, model, with_status};
-use crate::guard::{DriveGuard, Facts, Verdict};
-use crate::profile::model::{Identity, Model};
+use crate::guard::{CommandVerdict, DriveFacts, DriveGuard};
+use crate::profile::model::{Model, ModelIdentity};
 use std::sync::Arc;
 
 const NOW: MonoTime = MonoTime::from_millis(100_000);
@@ -22,11 +22,12 @@ const RUNNING: u16 = 1;
 const TRIPPED: u16 = 8;
 const DEAF: Duration = Duration::from_secs(2);
 /// Results of a step while the execution continues, and after an unanswered write.
-const ACKNOWLEDGED: Next = Next::Goes(Some(Report::new(Outcome::Acknowledged, Reason::None)));
-const IN_DOUBT: Next = Next::Goes(Some(Report::new(Outcome::Unknown, Reason::NoReply)));
-const QUIETLY: Next = Next::Goes(None);
+const ACKNOWLEDGED: StepResult =
+    StepResult::Goes(Some(Report::new(Outcome::Acknowledged, Reason::None)));
+const IN_DOUBT: StepResult = StepResult::Goes(Some(Report::new(Outcome::Unknown, Reason::NoReply)));
+const QUIETLY: StepResult = StepResult::Goes(None);
 
-fn execution_by(model: &Model, order: Order, owner: Owner) -> Execution {
+fn execution_by(model: &Model, order: Order, owner: Owner) -> CommandExecution {
     let settings = ControlSettings {
         strict: false,
         ..control()
@@ -47,7 +48,7 @@ fn execution_by(model: &Model, order: Order, owner: Owner) -> Execution {
                 write: true,
                 stop: true,
             },
-            manner: Manner::Once,
+            manner: OrderManner::Once,
         },
         order,
         start_before: NOW + Duration::from_secs(1),
@@ -55,7 +56,7 @@ fn execution_by(model: &Model, order: Order, owner: Owner) -> Execution {
         epoch: None,
         trial: None,
     };
-    let facts = Facts {
+    let facts = DriveFacts {
         line_is_up: true,
         listens: false,
         line_is_bad: false,
@@ -71,21 +72,21 @@ fn execution_by(model: &Model, order: Order, owner: Owner) -> Execution {
         is_local: None,
         is_watched: false,
     };
-    let Ok(Verdict::Go(approved)) = guard.review(&command, &facts, NOW) else {
+    let Ok(CommandVerdict::Go(approved)) = guard.review(&command, &facts, NOW) else {
         panic!("approved")
     };
-    Execution::new(
+    CommandExecution::new(
         approved,
-        Waiter::of_command(AskerId(1), Ticket(1), DriveIndex(0)),
+        ReportWaiter::of_command(AskerId(1), Ticket(1), DriveIndex(0)),
     )
 }
 
-fn execution(model: &Model, order: Order) -> Execution {
+fn execution(model: &Model, order: Order) -> CommandExecution {
     execution_by(model, order, Owner::Mqtt)
 }
 
 fn go(frequency: Option<u16>, run: Option<Direction>) -> Order {
-    Order::Go(Go::new(Vec::new(), frequency.map(Hertz::from_centihertz), run).unwrap())
+    Order::Go(GoOrder::new(Vec::new(), frequency.map(Hertz::from_centihertz), run).unwrap())
 }
 
 /// A drive with a status word that ignores requests after a reset.
@@ -97,7 +98,7 @@ fn deaf() -> Model {
 
 /// The next request is sent; it writes `value` to the run command.
 #[track_caller]
-fn sends(execution: &mut Execution, value: u16) -> MonoTime {
+fn sends(execution: &mut CommandExecution, value: u16) -> MonoTime {
     let (at, request) = execution.request().unwrap();
     assert_eq!(
         request,
@@ -112,26 +113,26 @@ fn sends(execution: &mut Execution, value: u16) -> MonoTime {
 
 /// The next request is sent; it reads the word at `address`.
 #[track_caller]
-fn reads(execution: &Execution, address: Address) -> MonoTime {
+fn reads(execution: &CommandExecution, address: Address) -> MonoTime {
     let (at, request) = execution.request().unwrap();
     assert_eq!(request, Request::Read { address, count: 1 });
     at
 }
 
-fn holds(execution: &mut Execution, value: u16, now: MonoTime) -> Next {
+fn holds(execution: &mut CommandExecution, value: u16, now: MonoTime) -> StepResult {
     execution.answered(&Reply::Holds { value }, now)
 }
 
-fn word(execution: &mut Execution, word: u16, now: MonoTime) -> Next {
+fn word(execution: &mut CommandExecution, word: u16, now: MonoTime) -> StepResult {
     execution.answered(&Reply::Words(vec![word]), now)
 }
 
-const fn ends(outcome: Outcome, reason: Reason) -> Next {
-    Next::Ends(Report::new(outcome, reason))
+const fn ends(outcome: Outcome, reason: Reason) -> StepResult {
+    StepResult::Ends(Report::new(outcome, reason))
 }
 
 /// A reset of [`deaf`] whose reset word is answered.
-fn reset_taken() -> Execution {
+fn reset_taken() -> CommandExecution {
     let mut execution = execution(&deaf(), Order::Reset);
     for value in [0, 4] {
         sends(&mut execution, value);
@@ -221,11 +222,11 @@ fn a_reset_word_without_an_answer_is_taken_back_and_settled_by_the_status_word()
         let late = until + Duration::from_secs(2);
         if execution.request().is_some() {
             let held = word(&mut execution, status, late);
-            let Next::Ends(report) = held else {
+            let StepResult::Ends(report) = held else {
                 panic!("{held:?}")
             };
             assert_eq!(
-                Next::Ends(Report {
+                StepResult::Ends(Report {
                     held: None,
                     ..report
                 }),
@@ -309,7 +310,7 @@ fn what_is_to_show_is_looked_at_with_patience() {
         ),
         (
             Duration::from_secs(100),
-            Next::Ends(Report {
+            StepResult::Ends(Report {
                 held: Some(0),
                 ..Report::new(Outcome::Failed, Reason::NotReadBack)
             }),
@@ -397,7 +398,7 @@ fn a_write_without_an_answer_is_looked_for_and_never_repeated() {
         (2000, ends(Outcome::Confirmed, Reason::None)),
         (
             1500,
-            Next::Ends(Report {
+            StepResult::Ends(Report {
                 held: Some(1500),
                 ..Report::new(Outcome::Failed, Reason::NoReply)
             }),
@@ -457,7 +458,7 @@ fn a_check_that_fails_writes_nothing() {
         assert!(!execution.has_begun(), "a look is no beginning");
         assert_eq!(
             word(&mut execution, wrong, NOW),
-            Next::Ends(Report::refused(Reason::SetpointUnknown)),
+            StepResult::Ends(Report::refused(Reason::SetpointUnknown)),
             "{wrong}"
         );
     }
@@ -467,7 +468,7 @@ fn a_check_that_fails_writes_nothing() {
     }
     assert_eq!(
         execution.unanswered(),
-        Next::Ends(Report::refused(Reason::NoReply))
+        StepResult::Ends(Report::refused(Reason::NoReply))
     );
     let mut execution = checking();
     assert_eq!(word(&mut execution, 500, NOW), QUIETLY);
@@ -484,7 +485,8 @@ fn a_check_that_fails_writes_nothing() {
 fn a_newer_order_takes_the_place_of_what_has_not_begun_and_says_no_more() {
     let model = model();
     let forward = Some(Direction::Forward);
-    let ramp = Order::Go(Go::new(vec![RegisterWrite::new(0x020C_u16, 7)], None, None).unwrap());
+    let ramp =
+        Order::Go(GoOrder::new(vec![RegisterWrite::new(0x020C_u16, 7)], None, None).unwrap());
     for (old, new, replaced) in [
         (go(Some(2000), None), go(Some(2500), None), true),
         (go(Some(2000), None), go(Some(2500), forward), true),
@@ -536,7 +538,7 @@ fn what_was_held_up_for_too_long_starts_nothing_and_still_takes_a_reset_back() {
     assert_eq!(holds(&mut start, 2000, NOW), QUIETLY);
     assert_eq!(
         (start.may_go(soon, 0), start.may_go(late, 0)),
-        (Ok(()), Err(Void::TooLate))
+        (Ok(()), Err(VoidApproval::TooLate))
     );
     assert_eq!(
         reset_taken().may_go(late, 0),
@@ -555,7 +557,7 @@ fn what_was_held_up_for_too_long_starts_nothing_and_still_takes_a_reset_back() {
     assert_eq!(holds(&mut last_resets, 0, NOW), QUIETLY);
     assert_eq!(
         (last_resets.may_go(soon, 0), last_resets.may_go(late, 0)),
-        (Ok(()), Err(Void::TooLate))
+        (Ok(()), Err(VoidApproval::TooLate))
     );
 }
 
@@ -563,7 +565,7 @@ fn what_was_held_up_for_too_long_starts_nothing_and_still_takes_a_reset_back() {
 fn a_reset_whose_first_stop_is_lost_ends_the_same_after_an_identity_read() {
     let model = deaf();
     let mut guarded = model.clone();
-    guarded.identity = Some(Identity {
+    guarded.identity = Some(ModelIdentity {
         address: STATUS.into(),
         mask: 0xF000,
         values: fact(vec![0]),

@@ -1,6 +1,6 @@
 //! What follows for a stop from time alone: alarms, and that it is given up.
 
-use super::{StopLatch, Turn};
+use super::{StopLatch, StopTurn};
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::control::ControlSettings;
 use crate::domain::time::MonoTime;
@@ -25,21 +25,21 @@ impl StopLatch {
     }
 
     /// Changes caused by time alone.
-    pub fn pass(&mut self, now: MonoTime, is_offline: bool, control: &ControlSettings) -> Turn {
+    pub fn pass(&mut self, now: MonoTime, is_offline: bool, control: &ControlSettings) -> StopTurn {
         self.offline_since = is_offline.then(|| self.offline_since.unwrap_or(now));
         if self.drop_at(control).is_some_and(|at| now >= at) {
-            return Turn::Dropped;
+            return StopTurn::Dropped;
         }
         if self.late_at(control).is_some_and(|at| now >= at) {
             self.was_told_late = true;
             self.was_told_unsent |= self.is_unsent();
             return if self.is_unsent() {
-                Turn::NotSent
+                StopTurn::NotSent
             } else {
-                Turn::NotEffective
+                StopTurn::NotEffective
             };
         }
-        Turn::None
+        StopTurn::None
     }
 
     /// When [`Self::pass`] is due; `None` while the drive answers and nothing expires.

@@ -1,19 +1,19 @@
 //! Repeated orders to stop: whether the drive's readings confirm that there is nothing to stop, and which client keeps
 //! stopping it although others start it.
 
-use super::sums::Sums;
+use super::sums::UsageSums;
 use super::{DriveWork, Out};
 use crate::domain::address::Address;
 use crate::domain::command::{CommandRequest, Order, Owner, RunIntent};
 use crate::domain::time::MonoTime;
 use crate::drive::description::STALE_PERIODS;
-use crate::drive::plan::Pace;
+use crate::drive::plan::PollPace;
 use crate::drive::view::StoppedAgain;
-use crate::gateway::event::Effect;
-use crate::gateway::note::Note;
-use crate::gateway::waiter::Waiter;
-use crate::journal::Tried;
-use crate::profile::model::{Flag, PollClass};
+use crate::gateway::event::LineEffect;
+use crate::gateway::note::DriveNote;
+use crate::gateway::waiter::ReportWaiter;
+use crate::journal::TriedWrite;
+use crate::profile::model::{IndicatedState, PollClass};
 use std::time::Duration;
 
 /// Number of standstill readings that confirm a stop answered from memory: the first may have been requested before
@@ -22,7 +22,7 @@ const READINGS: u8 = 2;
 
 /// A stop answered from memory.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Answered {
+pub(super) struct AnsweredStop {
     by: Owner,
     coast: bool,
     /// Number of readings still required.
@@ -31,7 +31,7 @@ pub(super) struct Answered {
     lost_at: Option<MonoTime>,
 }
 
-impl Answered {
+impl AnsweredStop {
     /// The drive cannot be read at `now`: earlier readings confirm nothing any more.
     pub(super) fn out_of_sight(&mut self, now: MonoTime) {
         self.left = READINGS;
@@ -42,8 +42,8 @@ impl Answered {
 impl DriveWork {
     /// Sets the drive's poll pace.
     #[must_use]
-    pub fn polled(self, pace: Pace) -> Self {
-        let usage = Sums::new(&self.model, pace);
+    pub fn polled(self, pace: PollPace) -> Self {
+        let usage = UsageSums::new(&self.model, pace);
         let mut polled = Self {
             pace,
             usage,
@@ -77,7 +77,7 @@ impl DriveWork {
             .output_register
             .as_ref()
             .is_none_or(|it| is_fresh(it.address(), self.output.at()));
-        let status = self.model.status_flag(Flag::Running);
+        let status = self.model.status_flag(IndicatedState::Running);
         output && status.is_none_or(|flag| is_fresh(flag.address, self.status_at))
     }
 
@@ -99,7 +99,7 @@ impl DriveWork {
     /// `command` was a stop and was answered from memory.
     pub(super) const fn was_answered(&mut self, command: &CommandRequest) {
         let coast = matches!(command.order, Order::Coast);
-        self.answered = Some(Answered {
+        self.answered = Some(AnsweredStop {
             by: command.origin.owner,
             coast,
             left: READINGS,
@@ -125,7 +125,7 @@ impl DriveWork {
             is_late || self.latch.is_some() || matches!(self.guard.intent(), RunIntent::Run(_));
         let by_reading = shows_output && self.output.is_at_standstill();
         answered.left -= u8::from(by_reading).min(answered.left);
-        let Answered {
+        let AnsweredStop {
             by, coast, left, ..
         } = *answered;
         if is_over || left == 0 || self.runs_by_others() {
@@ -138,14 +138,14 @@ impl DriveWork {
         let Some(order) = self.guard.stop_after_all(by, coast, now) else {
             return;
         };
-        let mut waiter = Waiter::of_nobody(self.drive);
+        let mut waiter = ReportWaiter::of_nobody(self.drive);
         let tried = if coast {
             Order::Coast
         } else {
             Order::Stop { setpoint: None }
         };
         self.count(&mut waiter);
-        out.attempt_taken(self.drive, by, Tried::Order(tried), &mut waiter);
+        out.attempt_taken(self.drive, by, TriedWrite::Order(tried), &mut waiter);
         self.cut(now, out);
         self.is_stopping = true;
         self.stop(order, Some(waiter), now, out);
@@ -159,7 +159,7 @@ impl DriveWork {
         let times = before.map_or(0, |it| it.times).saturating_add(1);
         self.again = Some(StoppedAgain { by, times, at: now });
         if times == StoppedAgain::TOLD_FROM {
-            out.push_back(Effect::Note(self.drive, Note::StoppedAgain { by }));
+            out.push_back(LineEffect::Note(self.drive, DriveNote::StoppedAgain { by }));
         }
     }
 }

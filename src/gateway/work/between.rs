@@ -4,8 +4,8 @@ use super::{DriveWork, Out};
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::time::MonoTime;
 use crate::drive::description::STALE_PERIODS;
-use crate::gateway::event::Effect;
-use crate::gateway::note::Note;
+use crate::gateway::event::LineEffect;
+use crate::gateway::note::DriveNote;
 use crate::gateway::stop::StopLatch;
 use crate::profile::model::PollClass;
 use std::time::Duration;
@@ -37,7 +37,7 @@ impl DriveWork {
 
     /// The stop is sent for the first time, between the frames of another master.
     pub fn stops_between(&mut self, out: Out<'_>) {
-        out.push_back(Effect::Note(self.drive, Note::StopBetween));
+        out.push_back(LineEffect::Note(self.drive, DriveNote::StopBetween));
     }
 
     /// The frame of the stop may have met another one: it is sent again as soon as the line allows.
@@ -55,7 +55,7 @@ impl DriveWork {
         };
         self.has_changed = true;
         if self.latch.is_none() {
-            out.push_back(Effect::Note(self.drive, Note::StoppedByAnother));
+            out.push_back(LineEffect::Note(self.drive, DriveNote::StoppedByAnother));
         }
         self.cut(now, out);
         self.is_stopping = true;

@@ -1,19 +1,19 @@
 //! Commands for a drive: their review, and the fate of queued ones.
 
-use super::Rank;
+use super::WishRank;
 use super::{COMMANDS_MAX, DriveWork, Out};
-use crate::domain::command::{CommandRequest, Manner, Order, Outcome, Owner, Reason, Report};
+use crate::domain::command::{CommandRequest, Order, OrderManner, Outcome, Owner, Reason, Report};
 use crate::domain::fail_safe::FailSafeRun;
 use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;
 use crate::drive::steps::StepPart;
-use crate::gateway::event::Effect;
-use crate::gateway::execution::Execution;
-use crate::gateway::note::Note;
+use crate::gateway::event::LineEffect;
+use crate::gateway::execution::CommandExecution;
+use crate::gateway::note::DriveNote;
 use crate::gateway::stop::StopLatch;
-use crate::gateway::waiter::Waiter;
-use crate::guard::{Approved, Facts, Lost, StopOrder, Verdict};
-use crate::journal::{Entry, Tried};
+use crate::gateway::waiter::ReportWaiter;
+use crate::guard::{Approved, CommandVerdict, DriveFacts, LossAction, StopOrder};
+use crate::journal::{JournalEntry, TriedWrite};
 use std::collections::VecDeque;
 
 impl DriveWork {
@@ -22,15 +22,15 @@ impl DriveWork {
         &mut self,
         now: MonoTime,
         command: &CommandRequest,
-        mut waiter: Waiter,
-        facts: Facts,
+        mut waiter: ReportWaiter,
+        facts: DriveFacts,
         out: Out<'_>,
     ) {
         self.has_changed = true;
         let is_full = self.waiting.len() >= COMMANDS_MAX
             && !(command.order.is_stop() || command.order.is_no_attempt());
         let owner = command.origin.owner;
-        let tried = || Tried::Order(command.order.clone());
+        let tried = || TriedWrite::Order(command.order.clone());
         let runs_by_others = self.runs_by_others();
         let verdict = if is_full {
             Err(Report::refused(Reason::QueueFull))
@@ -45,10 +45,10 @@ impl DriveWork {
                 }
                 self.tell(&mut waiter, report, true, out);
             }
-            Ok(Verdict::Unchanged) => {
+            Ok(CommandVerdict::Unchanged) => {
                 let report = Report::new(Outcome::Acknowledged, Reason::Unchanged);
                 let repeats =
-                    command.origin.manner == Manner::Cyclic && command.order != Order::Take;
+                    command.origin.manner == OrderManner::Cyclic && command.order != Order::Take;
                 if !repeats && !command.order.is_no_attempt() {
                     out.attempt_ended(self.drive, owner, tried(), report);
                 }
@@ -57,13 +57,13 @@ impl DriveWork {
                 }
                 out.tell(&mut waiter, report, true);
             }
-            Ok(Verdict::JoinsStop) => self.join_stop(waiter, out),
-            Ok(Verdict::StopAgain(order)) => {
+            Ok(CommandVerdict::JoinsStop) => self.join_stop(waiter, out),
+            Ok(CommandVerdict::StopAgain(order)) => {
                 self.cut(now, out);
                 self.is_stopping = true;
                 self.stop(order, Some(waiter), now, out);
             }
-            Ok(Verdict::Stop(order)) => {
+            Ok(CommandVerdict::Stop(order)) => {
                 if runs_by_others {
                     self.is_stopped_by(owner, now, out);
                 }
@@ -74,7 +74,7 @@ impl DriveWork {
                 self.is_stopping = true;
                 self.stop(order, Some(waiter), now, out);
             }
-            Ok(Verdict::Taken(from)) => {
+            Ok(CommandVerdict::Taken(from)) => {
                 self.count(&mut waiter);
                 self.taken(from, command.origin.owner, out);
                 self.tell(
@@ -84,7 +84,7 @@ impl DriveWork {
                     out,
                 );
             }
-            Ok(Verdict::Go(approved)) => {
+            Ok(CommandVerdict::Go(approved)) => {
                 self.count(&mut waiter);
                 out.attempt_taken(self.drive, owner, tried(), &mut waiter);
                 self.go(approved, waiter, now, out);
@@ -93,7 +93,7 @@ impl DriveWork {
     }
 
     /// Puts an approved order in the queue.
-    fn go(&mut self, approved: Approved, waiter: Waiter, now: MonoTime, out: Out<'_>) {
+    fn go(&mut self, approved: Approved, waiter: ReportWaiter, now: MonoTime, out: Out<'_>) {
         let runs = matches!(approved.order(), Order::Go(go) if go.run().is_some());
         self.is_stopping &= !runs;
         if runs {
@@ -102,7 +102,7 @@ impl DriveWork {
             self.follows_anew();
         }
         self.open_lease(runs, now, out);
-        self.push(Execution::new(approved, waiter), out);
+        self.push(CommandExecution::new(approved, waiter), out);
         if let Some(row) = self.keep_reset(out) {
             self.opens_behind(row, now);
         }
@@ -111,12 +111,15 @@ impl DriveWork {
     /// Runs the declared action because the gateway shuts down.
     pub fn shut_down(&mut self, now: MonoTime, out: Out<'_>) {
         if let Some(lost) = self.guard.shut_down(now) {
-            out.push_back(Effect::Note(self.drive, Note::ShuttingDown(lost.action)));
+            out.push_back(LineEffect::Note(
+                self.drive,
+                DriveNote::ShuttingDown(lost.action),
+            ));
             self.fail_safe(lost, now, out);
         }
     }
 
-    pub(super) fn push(&mut self, execution: Execution, out: Out<'_>) {
+    pub(super) fn push(&mut self, execution: CommandExecution, out: Out<'_>) {
         while let Some(at) = self
             .waiting
             .iter()
@@ -134,7 +137,7 @@ impl DriveWork {
         self.waiting.push_back(execution);
     }
 
-    pub(super) fn join_stop(&mut self, waiter: Waiter, out: Out<'_>) {
+    pub(super) fn join_stop(&mut self, waiter: ReportWaiter, out: Out<'_>) {
         if let Some(latch) = &mut self.latch {
             latch.join(waiter, out);
         }
@@ -158,7 +161,7 @@ impl DriveWork {
 
     /// Cancels every order to move: it has no owner any more, or the drive cannot follow it.
     pub(super) fn cut_motion(&mut self, reason: Reason, out: Out<'_>) {
-        let moves = |execution: &Execution| matches!(execution.order(), Order::Go(go) if go.run().is_some() || go.frequency().is_some());
+        let moves = |execution: &CommandExecution| matches!(execution.order(), Order::Go(go) if go.run().is_some() || go.frequency().is_some());
         let is_current = self.current.as_ref().is_some_and(moves);
         if is_current {
             self.leave_flight(out.now());
@@ -194,7 +197,7 @@ impl DriveWork {
 
     /// Control was taken over: orders of the previous owner that have not begun are dropped, the rest continues.
     fn taken(&mut self, from: Option<Owner>, by: Owner, out: Out<'_>) {
-        out.push_back(Effect::Note(self.drive, Note::Taken { from, by }));
+        out.push_back(LineEffect::Note(self.drive, DriveNote::Taken { from, by }));
         self.withdraw_all(
             |execution| Some(execution.owner()) == from,
             Report::held_by(by),
@@ -204,13 +207,13 @@ impl DriveWork {
 
     fn withdraw_all(
         &mut self,
-        goes: impl Fn(&Execution) -> bool,
+        goes: impl Fn(&CommandExecution) -> bool,
         report: Report,
         out: Out<'_>,
     ) -> u64 {
-        let goes = |execution: &Execution| goes(execution) && !execution.has_begun();
+        let goes = |execution: &CommandExecution| goes(execution) && !execution.has_begun();
         let current = self.current.take_if(|execution| goes(execution));
-        if current.is_some() && matches!(self.flight, Some(Rank::Step | Rank::Start)) {
+        if current.is_some() && matches!(self.flight, Some(WishRank::Step | WishRank::Start)) {
             self.flight = None;
         }
         let (gone, kept) = std::mem::take(&mut self.waiting)
@@ -227,7 +230,7 @@ impl DriveWork {
 
     /// A stop cancels everything else that was ordered.
     pub(super) fn cut(&mut self, now: MonoTime, out: Out<'_>) {
-        let is_on_the_wire = matches!(self.flight, Some(Rank::Step | Rank::Start));
+        let is_on_the_wire = matches!(self.flight, Some(WishRank::Step | WishRank::Start));
         self.leave_flight(now);
         // A drive that was reset still ignores requests.
         let rest = self
@@ -257,9 +260,9 @@ impl DriveWork {
         }
     }
 
-    pub(super) fn fail_safe(&mut self, lost: Lost, now: MonoTime, out: Out<'_>) {
+    pub(super) fn fail_safe(&mut self, lost: LossAction, now: MonoTime, out: Out<'_>) {
         self.has_changed = true;
-        let Lost {
+        let LossAction {
             owner,
             action,
             cause,
@@ -267,7 +270,7 @@ impl DriveWork {
         } = lost;
         out.keep(
             self.drive,
-            Entry::FailSafe {
+            JournalEntry::FailSafe {
                 owner,
                 action,
                 cause,
@@ -288,15 +291,15 @@ impl DriveWork {
     pub(super) fn fail_safe_came(&mut self, run: Option<FailSafeRun>, out: Out<'_>) {
         if let Some(run) = run {
             self.has_changed = true;
-            out.push_back(Effect::Note(self.drive, Note::FailSafeCame(run)));
-            out.keep(self.drive, Entry::FailSafeCame(run));
+            out.push_back(LineEffect::Note(self.drive, DriveNote::FailSafeCame(run)));
+            out.keep(self.drive, JournalEntry::FailSafeCame(run));
         }
     }
 
     pub(super) fn stop(
         &mut self,
         order: StopOrder,
-        waiter: Option<Waiter>,
+        waiter: Option<ReportWaiter>,
         now: MonoTime,
         out: Out<'_>,
     ) {
@@ -309,12 +312,17 @@ impl DriveWork {
             }
         };
         if is_new {
-            out.keep(self.drive, Entry::StopPending { coast });
+            out.keep(self.drive, JournalEntry::StopPending { coast });
         }
     }
 
     /// The execution is over: unfinished orders are no longer part of the intent.
-    pub(super) fn finish(&mut self, execution: &mut Execution, report: Report, out: Out<'_>) {
+    pub(super) fn finish(
+        &mut self,
+        execution: &mut CommandExecution,
+        report: Report,
+        out: Out<'_>,
+    ) {
         if matches!(
             report.outcome,
             Outcome::Refused | Outcome::Expired | Outcome::Failed | Outcome::Superseded
@@ -349,7 +357,7 @@ impl DriveWork {
     }
 
     /// The newest value that `of` finds in the orders still to be sent.
-    fn last_left<T>(&self, of: impl Fn(&Execution, StepPart) -> Option<T>) -> Option<T> {
+    fn last_left<T>(&self, of: impl Fn(&CommandExecution, StepPart) -> Option<T>) -> Option<T> {
         let executions = self.current.iter().chain(&self.waiting);
         executions.rev().find_map(|execution| {
             execution

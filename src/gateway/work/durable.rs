@@ -6,13 +6,13 @@ use std::collections::VecDeque;
 /// A picture as far as its rows are durable. At most `MAX` newer ones wait for theirs; beyond that, the newest two are
 /// merged.
 #[derive(Debug, Default)]
-pub(super) struct Durable<T, const MAX: usize> {
+pub(super) struct DurablePicture<T, const MAX: usize> {
     shown: T,
     /// Pictures to show once these rows are durable.
     unkept: VecDeque<(RowNumber, T)>,
 }
 
-impl<T, const MAX: usize> Durable<T, MAX> {
+impl<T, const MAX: usize> DurablePicture<T, MAX> {
     /// Shows `shown`, with nothing newer.
     pub const fn new(shown: T) -> Self {
         Self {

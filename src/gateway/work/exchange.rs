@@ -1,29 +1,29 @@
 //! A drive's wishes for the wire, and the consequences of its own exchanges.
 
-use super::{DriveWork, Out, Rank, Want};
+use super::{DriveWish, DriveWork, Out, WishRank};
 use crate::domain::command::{Direction, Order, Outcome, Owner, Reason, Report};
 use crate::domain::time::MonoTime;
 use crate::drive::steps::StepPart;
 use crate::gateway::ended::BUSY_REST;
-use crate::gateway::event::Effect;
-use crate::gateway::execution::{Execution, Next, reason_of};
-use crate::gateway::note::Note;
+use crate::gateway::event::LineEffect;
+use crate::gateway::execution::{CommandExecution, StepResult, reason_of};
+use crate::gateway::note::DriveNote;
 use crate::gateway::stop::StopLatch;
-use crate::line::exchange::Ending;
+use crate::line::exchange::ExchangeEnding;
 use crate::profile::model::{ExceptionKind, OrderKind};
 use crate::wire::pdu::{Reply, Request};
 
 impl DriveWork {
     /// Its wishes for the wire.
-    pub fn wants(&self) -> impl Iterator<Item = Want> + '_ {
+    pub fn wants(&self) -> impl Iterator<Item = DriveWish> + '_ {
         let stop = self.latch.as_ref().map(|latch| {
             let (at, request) = latch.frame();
             let rank = if latch.is_first() {
-                Rank::FirstStop
+                WishRank::FirstStop
             } else {
-                Rank::RepeatedStop
+                WishRank::RepeatedStop
             };
-            Want { rank, at, request }
+            DriveWish { rank, at, request }
         });
         let execution = self
             .current
@@ -31,12 +31,12 @@ impl DriveWork {
             .or(self.waiting.front())
             .and_then(|execution| {
                 let rank = if execution.is_new() {
-                    Rank::Start
+                    WishRank::Start
                 } else {
-                    Rank::Step
+                    WishRank::Step
                 };
                 let (at, request) = execution.request()?;
-                Some(Want {
+                Some(DriveWish {
                     rank,
                     at: at.max(self.opens_at(execution)),
                     request,
@@ -52,14 +52,14 @@ impl DriveWork {
                     .get(latch.looks() % self.looks.len().max(1))
                     .copied()?;
                 let request = Request::Read { address, count };
-                Some(Want {
-                    rank: Rank::Look,
+                Some(DriveWish {
+                    rank: WishRank::Look,
                     at: latch.look_at(),
                     request,
                 })
             });
-        let trip = self.trips.wants().map(|(address, count)| Want {
-            rank: Rank::Trip,
+        let trip = self.trips.wants().map(|(address, count)| DriveWish {
+            rank: WishRank::Trip,
             at: MonoTime::ZERO,
             request: Request::Read { address, count },
         });
@@ -73,9 +73,9 @@ impl DriveWork {
     }
 
     /// Sends the wish of `rank` at `now`. If its deadline has passed, it is answered and nothing is sent.
-    pub fn send(&mut self, rank: Rank, now: MonoTime, out: Out<'_>) -> bool {
+    pub fn send(&mut self, rank: WishRank, now: MonoTime, out: Out<'_>) -> bool {
         match rank {
-            Rank::Step | Rank::Start => {
+            WishRank::Step | WishRank::Start => {
                 if self.current.is_none() {
                     self.current = self.waiting.pop_front();
                 }
@@ -90,7 +90,7 @@ impl DriveWork {
                 self.reset.stands |= execution.leaves_a_reset_standing();
                 self.start_was_sent();
             }
-            Rank::FirstStop | Rank::RepeatedStop | Rank::Look | Rank::Trip => {}
+            WishRank::FirstStop | WishRank::RepeatedStop | WishRank::Look | WishRank::Trip => {}
         }
         self.flight = Some(rank);
         self.has_changed = true;
@@ -109,9 +109,9 @@ impl DriveWork {
     /// request.
     pub fn ended(
         &mut self,
-        rank: Rank,
+        rank: WishRank,
         request: &Request,
-        ending: &Ending,
+        ending: &ExchangeEnding,
         doubt: bool,
         now: MonoTime,
         out: Out<'_>,
@@ -120,20 +120,25 @@ impl DriveWork {
         self.has_changed = true;
         match rank {
             // A coast may have replaced the stop that was on the wire: its own frame follows.
-            Rank::FirstStop | Rank::RepeatedStop if !self.is_latched(request) => {}
-            Rank::FirstStop | Rank::RepeatedStop => self.stop_ended(ending, doubt, now, out),
-            Rank::Step | Rank::Start if is_wanted => self.step_ended(ending, now, out),
-            Rank::Step | Rank::Start => {}
-            Rank::Look => {
-                let was_answered = matches!(ending, Ending::Reply(_) | Ending::Exception(_));
+            WishRank::FirstStop | WishRank::RepeatedStop if !self.is_latched(request) => {}
+            WishRank::FirstStop | WishRank::RepeatedStop => {
+                self.stop_ended(ending, doubt, now, out)
+            }
+            WishRank::Step | WishRank::Start if is_wanted => self.step_ended(ending, now, out),
+            WishRank::Step | WishRank::Start => {}
+            WishRank::Look => {
+                let was_answered = matches!(
+                    ending,
+                    ExchangeEnding::Reply(_) | ExchangeEnding::Exception(_)
+                );
                 match &mut self.latch {
                     Some(latch) if was_answered => latch.was_looked_at(now),
                     Some(latch) => latch.look_failed(now),
                     None => {}
                 }
             }
-            Rank::Trip => {
-                if !matches!(ending, Ending::Reply(_)) {
+            WishRank::Trip => {
+                if !matches!(ending, ExchangeEnding::Reply(_)) {
                     let event = self.trips.read_failed();
                     self.trip(event, out);
                 }
@@ -204,23 +209,31 @@ impl DriveWork {
         self.forget_readings(out);
     }
 
-    pub(super) fn stop_ended(&mut self, ending: &Ending, doubt: bool, now: MonoTime, out: Out<'_>) {
+    pub(super) fn stop_ended(
+        &mut self,
+        ending: &ExchangeEnding,
+        doubt: bool,
+        now: MonoTime,
+        out: Out<'_>,
+    ) {
         let Some(latch) = &mut self.latch else { return };
         let failed = Report::new(Outcome::Failed, Reason::KeptOldValue);
         let refused = match ending {
-            Ending::Reply(Reply::Holds { value: held }) if *held != latch.order().word() => {
+            ExchangeEnding::Reply(Reply::Holds { value: held })
+                if *held != latch.order().word() =>
+            {
                 Some(Report {
                     held: Some(*held),
                     ..failed
                 })
             }
             // A busy drive has refused nothing.
-            Ending::Exception(code)
+            ExchangeEnding::Exception(code)
                 if self.model.exception_kind(*code) == Some(ExceptionKind::Busy) =>
             {
                 return latch.is_busy(now + BUSY_REST, now);
             }
-            Ending::Exception(code) => {
+            ExchangeEnding::Exception(code) => {
                 let reason = reason_of(self.model.exception_kind(*code));
                 Some(Report {
                     exception: Some(*code),
@@ -241,7 +254,7 @@ impl DriveWork {
                 let report = if latch.refused(now) { refused } else { None };
                 (report, true)
             }
-            Ending::Reply(_) => {
+            ExchangeEnding::Reply(_) => {
                 if !doubt {
                     self.replaces(kind);
                 }
@@ -251,7 +264,7 @@ impl DriveWork {
                     .and_then(|latch| latch.echoed(now, doubt));
                 (report, false)
             }
-            Ending::Exception(_) | Ending::Garbled | Ending::Silent => {
+            ExchangeEnding::Exception(_) | ExchangeEnding::Garbled | ExchangeEnding::Silent => {
                 latch.unanswered(now);
                 (None, false)
             }
@@ -275,11 +288,11 @@ impl DriveWork {
     fn stop_was_refused(&mut self, now: MonoTime, out: Out<'_>) {
         self.stop_refused_at = Some(now);
         if !std::mem::replace(&mut self.told_refused, true) {
-            out.push_back(Effect::Note(self.drive, Note::StopRefused));
+            out.push_back(LineEffect::Note(self.drive, DriveNote::StopRefused));
         }
     }
 
-    pub(super) fn step_ended(&mut self, ending: &Ending, now: MonoTime, out: Out<'_>) {
+    pub(super) fn step_ended(&mut self, ending: &ExchangeEnding, now: MonoTime, out: Out<'_>) {
         let Some(mut execution) = self.current.take() else {
             return;
         };
@@ -291,24 +304,31 @@ impl DriveWork {
         let reads_identity = execution.reads_identity();
         let in_question = execution.parts_in_question();
         let mut next = match ending {
-            Ending::Reply(reply) => execution.answered(reply, now),
-            Ending::Exception(code) => execution.excepted(*code, self.model.exception_kind(*code)),
-            Ending::Silent => execution
+            ExchangeEnding::Reply(reply) => execution.answered(reply, now),
+            ExchangeEnding::Exception(code) => {
+                execution.excepted(*code, self.model.exception_kind(*code))
+            }
+            ExchangeEnding::Silent => execution
                 .silent_as_announced(now)
                 .unwrap_or_else(|| execution.unanswered()),
-            Ending::Garbled => execution.unanswered(),
+            ExchangeEnding::Garbled => execution.unanswered(),
         };
-        if reads_identity && matches!((ending, next), (Ending::Reply(_), Next::Goes(_))) {
+        if reads_identity
+            && matches!(
+                (ending, next),
+                (ExchangeEnding::Reply(_), StepResult::Goes(_))
+            )
+        {
             self.guard.was_identified();
         }
-        if matches!(ending, Ending::Garbled | Ending::Silent) {
+        if matches!(ending, ExchangeEnding::Garbled | ExchangeEnding::Silent) {
             written
                 .iter()
                 .for_each(|part| self.part_in_doubt(*part, now));
         }
         if matches!(
             next,
-            Next::Ends(Report {
+            StepResult::Ends(Report {
                 outcome: Outcome::Confirmed,
                 ..
             })
@@ -319,43 +339,43 @@ impl DriveWork {
         }
         let refused = matches!(
             next,
-            Next::Ends(Report {
+            StepResult::Ends(Report {
                 outcome: Outcome::Failed,
                 ..
             })
         );
-        if matches!(ending, Ending::Reply(_)) && !refused {
+        if matches!(ending, ExchangeEnding::Reply(_)) && !refused {
             written.into_iter().for_each(|part| {
                 self.part_taken(part, execution.owner(), execution.is_sure(), now)
             });
         }
-        if let (Next::Goes(report), Some((until, is_deaf))) = (next, execution.rest_at(now)) {
+        if let (StepResult::Goes(report), Some((until, is_deaf))) = (next, execution.rest_at(now)) {
             if is_deaf {
                 self.rest_until = Some(until);
             }
             next = match execution.rest(until) {
-                Next::Goes(later) => Next::Goes(report.or(later)),
-                ends @ Next::Ends(_) => ends,
+                StepResult::Goes(later) => StepResult::Goes(report.or(later)),
+                ends @ StepResult::Ends(_) => ends,
             };
         }
         self.goes_on(execution, next, out);
     }
 
     /// The execution waits for its next step, or is over.
-    fn goes_on(&mut self, mut execution: Execution, next: Next, out: Out<'_>) {
+    fn goes_on(&mut self, mut execution: CommandExecution, next: StepResult, out: Out<'_>) {
         match next {
-            Next::Goes(report) => {
+            StepResult::Goes(report) => {
                 if let Some(report) = report {
                     self.tell(execution.waiter(), report, false, out);
                 }
                 self.current = Some(execution);
             }
-            Next::Ends(report) => {
+            StepResult::Ends(report) => {
                 if report.reason == Reason::SetpointUnknown && *execution.order() == Order::Reset {
                     // The reset word is not in the register.
                     self.reset_is_taken_back();
                 } else if report.reason == Reason::SetpointUnknown {
-                    out.push_back(Effect::Note(self.drive, Note::SetpointOutside));
+                    out.push_back(LineEffect::Note(self.drive, DriveNote::SetpointOutside));
                 }
                 self.finish(&mut execution, report, out);
             }
@@ -364,7 +384,7 @@ impl DriveWork {
 
     /// Stops waiting for the exchange on the wire; the drive may still execute it.
     pub(super) fn leave_flight(&mut self, now: MonoTime) {
-        if !matches!(self.flight, Some(Rank::Step | Rank::Start)) {
+        if !matches!(self.flight, Some(WishRank::Step | WishRank::Start)) {
             return;
         }
         self.flight = None;

@@ -1,14 +1,16 @@
 //! Whether the drive still follows its order to run. One that was seen running and then shows for a while that it neither
 //! runs nor ramps was stopped elsewhere: by its panel, a terminal, another master, or a dip of its supply.
 
-use super::follow_watch::Followed;
+use super::follow_watch::FollowWatch;
 use super::{DriveWork, Out};
-use crate::domain::command::{Direction, Go, Order, Outcome, Owner, Reason, Report, RunIntent};
+use crate::domain::command::{
+    Direction, GoOrder, Order, Outcome, Owner, Reason, Report, RunIntent,
+};
 use crate::domain::time::MonoTime;
-use crate::gateway::event::Effect;
-use crate::gateway::note::Note;
-use crate::journal::Tried;
-use crate::profile::model::Flag;
+use crate::gateway::event::LineEffect;
+use crate::gateway::note::DriveNote;
+use crate::journal::TriedWrite;
+use crate::profile::model::IndicatedState;
 use std::time::Duration;
 
 /// Number of readings in a row after which the order is over.
@@ -19,7 +21,7 @@ const LASTS: Duration = Duration::from_secs(2);
 impl DriveWork {
     /// A new order begins.
     pub(super) fn follows_anew(&mut self) {
-        self.followed = Followed::default();
+        self.followed = FollowWatch::default();
         self.is_stopped_elsewhere = false;
     }
 
@@ -28,11 +30,11 @@ impl DriveWork {
         let direction = match self.order_in_force() {
             Some(direction) if self.is_status_proven() => direction,
             _ => {
-                self.followed = Followed::default();
+                self.followed = FollowWatch::default();
                 return;
             }
         };
-        let ramps = self.status.get(Flag::Stopping) == Some(true);
+        let ramps = self.status.get(IndicatedState::Stopping) == Some(true);
         let turns = self.output_register.is_some() && self.output.raw() != Some(0);
         let followed = &mut self.followed;
         followed.has_run |= running;
@@ -63,7 +65,7 @@ impl DriveWork {
 
     fn is_status_proven(&self) -> bool {
         self.model
-            .status_flag(Flag::Running)
+            .status_flag(IndicatedState::Running)
             .is_some_and(|flag| flag.confidence.is_proven())
     }
 
@@ -76,9 +78,9 @@ impl DriveWork {
         self.is_stopped_elsewhere = true;
         self.last = Some(report);
         self.has_changed = true;
-        out.push_back(Effect::Note(self.drive, Note::StoppedElsewhere));
-        if let Some(run) = Go::new(Vec::new(), None, Some(direction)) {
-            out.attempt_ended(self.drive, owner, Tried::Order(Order::Go(run)), report);
+        out.push_back(LineEffect::Note(self.drive, DriveNote::StoppedElsewhere));
+        if let Some(run) = GoOrder::new(Vec::new(), None, Some(direction)) {
+            out.attempt_ended(self.drive, owner, TriedWrite::Order(Order::Go(run)), report);
         }
     }
 }

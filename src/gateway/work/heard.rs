@@ -1,15 +1,15 @@
 //! What another gateway of the line orders the drive to do, as heard on the line, and what follows when that gateway is
 //! lost.
 
-use super::heard_order::{HeardOrder, Unsettled};
+use super::heard_order::{HeardOrder, UnsettledMotion};
 use super::{DriveWork, Out};
-use crate::domain::command::{Direction, Go, Order, Outcome, Reason, Report, RunIntent};
+use crate::domain::command::{Direction, GoOrder, Order, Outcome, Reason, Report, RunIntent};
 use crate::domain::time::MonoTime;
-use crate::gateway::event::Effect;
-use crate::gateway::note::Note;
+use crate::gateway::event::LineEffect;
+use crate::gateway::note::DriveNote;
 use crate::gateway::stop::StopLatch;
-use crate::guard::Lost;
-use crate::profile::model::Flag;
+use crate::guard::LossAction;
+use crate::profile::model::IndicatedState;
 use std::time::Duration;
 
 /// How long a running drive is left alone after a take-over, if it may still show that it obeys its panel or terminals.
@@ -19,7 +19,7 @@ impl DriveWork {
     /// Another gateway sent `order` to the drive at `at`.
     pub fn heard(&mut self, order: &Order, at: MonoTime, out: Out<'_>) {
         let heard = match order {
-            Order::Go(go) => match Go::run(go) {
+            Order::Go(go) => match GoOrder::run(go) {
                 Some(direction) => HeardOrder::Run(direction, at),
                 None => return,
             },
@@ -104,7 +104,7 @@ impl DriveWork {
             }
             HeardOrder::Elsewhere if goes_on => {}
             HeardOrder::Stop { .. } | HeardOrder::Nothing | HeardOrder::Elsewhere => {
-                self.unsettled = Some(Unsettled {
+                self.unsettled = Some(UnsettledMotion {
                     goes_on,
                     until: now + SHOWS_PANEL_WITHIN,
                 });
@@ -116,7 +116,7 @@ impl DriveWork {
     /// Decides what follows for a drive that may run by an order that nobody remembers, as soon as that can be seen. A drive
     /// that shows that it obeys its panel or terminals is left alone.
     pub(super) fn settle(&mut self, now: MonoTime, out: Out<'_>) {
-        let Some(Unsettled { goes_on, until }) = self.unsettled else {
+        let Some(UnsettledMotion { goes_on, until }) = self.unsettled else {
             return;
         };
         let is_ordered_here =
@@ -126,7 +126,8 @@ impl DriveWork {
             return;
         }
         let is_local = self.status_view().is_local();
-        let may_show_it = is_local.is_none() && self.model.status_flag(Flag::BusRun).is_some();
+        let may_show_it =
+            is_local.is_none() && self.model.status_flag(IndicatedState::BusRun).is_some();
         if !self.is_moving() || (may_show_it && now < until) {
             return;
         }
@@ -190,23 +191,29 @@ impl DriveWork {
     }
 
     /// The gateway that had the line is lost, or gave it up on purpose (`was_given`).
-    fn gateway_left(&mut self, lost: Option<Lost>, was_given: bool, now: MonoTime, out: Out<'_>) {
+    fn gateway_left(
+        &mut self,
+        lost: Option<LossAction>,
+        was_given: bool,
+        now: MonoTime,
+        out: Out<'_>,
+    ) {
         self.has_changed = true;
         if self.guard.is_adopted() {
             let note = if was_given {
-                Note::GoesOn
+                DriveNote::GoesOn
             } else {
-                Note::Adopted
+                DriveNote::Adopted
             };
-            out.push_back(Effect::Note(self.drive, note));
+            out.push_back(LineEffect::Note(self.drive, note));
         }
         if let Some(lost) = lost {
             let note = if was_given {
-                Note::LineGiven(lost.action)
+                DriveNote::LineGiven(lost.action)
             } else {
-                Note::GatewayLost(lost.action)
+                DriveNote::GatewayLost(lost.action)
             };
-            out.push_back(Effect::Note(self.drive, note));
+            out.push_back(LineEffect::Note(self.drive, note));
             self.fail_safe(lost, now, out);
         }
     }
@@ -220,7 +227,7 @@ impl DriveWork {
     fn ordered_direction(&self) -> Option<Direction> {
         let is_reverse = self
             .status
-            .get(Flag::Reverse)
+            .get(IndicatedState::Reverse)
             .filter(|_| self.status.is_running() == Some(true))?;
         Some(if is_reverse {
             Direction::Reverse

@@ -19,7 +19,7 @@ pub(super) enum HeardOrder {
 
 /// What the drive does is not known although this gateway has taken the line: its first readings decide.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Unsettled {
+pub(super) struct UnsettledMotion {
     /// The line was handed over: a drive that runs goes on.
     pub goes_on: bool,
     /// Until this moment a reading is awaited that shows whether the drive obeys its panel.

@@ -3,8 +3,8 @@
 use super::{DriveWork, Out};
 use crate::domain::command::Reason;
 use crate::domain::time::MonoTime;
-use crate::gateway::event::Effect;
-use crate::gateway::note::Note;
+use crate::gateway::event::LineEffect;
+use crate::gateway::note::DriveNote;
 
 impl DriveWork {
     /// The drive is to leave: only stops are accepted any more. With `stops`, a drive in use is stopped.
@@ -20,7 +20,7 @@ impl DriveWork {
         }
         self.cut_motion(Reason::Removed, out);
         if let Some(lost) = self.guard.stop_to_leave(now) {
-            out.push_back(Effect::Note(self.drive, Note::Leaving));
+            out.push_back(LineEffect::Note(self.drive, DriveNote::Leaving));
             self.fail_safe(lost, now, out);
         }
     }

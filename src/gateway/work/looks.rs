@@ -1,15 +1,17 @@
 //! The reads that show whether a stop takes effect.
 
 use crate::domain::address::Address;
-use crate::profile::model::{Flag, Model, Role};
+use crate::profile::model::{IndicatedState, Model, RegisterRole};
 
 /// The output frequency, and the status register where that tells whether the drive is ordered to run: in one read if
 /// the model allows it.
-pub(super) fn of(model: &Model) -> Vec<(Address, u16)> {
+pub(super) fn look_addresses(model: &Model) -> Vec<(Address, u16)> {
     let output = model
-        .register_for(Role::OutputFrequency)
+        .register_for(RegisterRole::OutputFrequency)
         .map(|register| (register.address, register.form.words()));
-    let status = model.status_flag(Flag::Running).map(|flag| flag.address);
+    let status = model
+        .status_flag(IndicatedState::Running)
+        .map(|flag| flag.address);
     let (Some((output, words)), Some(status)) = (output, status) else {
         return output
             .or(status.map(|address| (address, 1)))

@@ -26,44 +26,44 @@ mod usage;
 mod view;
 mod watchdog;
 
-use super::execution::Execution;
-use super::outbox::Outbox;
+use super::execution::CommandExecution;
+use super::outbox::EffectOutbox;
 use super::stop::StopLatch;
-use super::waiter::Waiter;
+use super::waiter::ReportWaiter;
 use crate::domain::address::Address;
 use crate::domain::command::{Direction, Order, Owner, Report};
 use crate::domain::control::{BusFunctions, ControlSettings};
 use crate::domain::ids::DriveIndex;
 use crate::domain::time::MonoTime;
 use crate::drive::output::OutputRegister;
-use crate::drive::plan::Pace;
+use crate::drive::plan::PollPace;
 use crate::drive::run_state::OutputWatch;
-use crate::drive::sight::Sight;
+use crate::drive::sight::DriveSight;
 use crate::drive::status::StatusWatch;
 use crate::drive::trips::TripWatch;
 use crate::drive::view::{StatusView, StoppedAgain};
 use crate::drive::watchdog::{WatchdogRange, WatchdogWatch};
-use crate::guard::{DriveGuard, Facts};
-use crate::profile::model::{Flag, Model};
+use crate::guard::{DriveFacts, DriveGuard};
+use crate::profile::model::{IndicatedState, Model};
 use crate::wire::pdu::Request;
-use again::Answered;
-use follow_watch::Followed;
-use heard_order::{HeardOrder, Unsettled};
-use outside_watch::Outside;
-pub use readings::Reading;
-use rows::{DurableTrips, Opening};
-use standing::Standing;
+use again::AnsweredStop;
+use follow_watch::FollowWatch;
+use heard_order::{HeardOrder, UnsettledMotion};
+use outside_watch::OutsideWatch;
+pub use readings::WordsOrigin;
+use rows::{DurableTrips, OpeningOrder};
+use standing::StandingWord;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
-use sums::Sums;
+use sums::UsageSums;
 
 /// Maximum number of commands per drive that wait for the one in execution.
 pub const COMMANDS_MAX: usize = 8;
 
 /// The kinds of a drive's wishes, most urgent first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Rank {
+pub enum WishRank {
     /// A stop that has never been sent.
     FirstStop,
     /// A stop without effect so far.
@@ -80,9 +80,9 @@ pub enum Rank {
 
 /// One wish.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Want {
+pub struct DriveWish {
     /// How urgent it is.
-    pub rank: Rank,
+    pub rank: WishRank,
     /// The earliest moment to send it.
     pub at: MonoTime,
     /// The request.
@@ -96,15 +96,15 @@ pub struct DriveWork {
     model: Arc<Model>,
     guard: DriveGuard,
     latch: Option<StopLatch>,
-    current: Option<Execution>,
-    waiting: VecDeque<Execution>,
+    current: Option<CommandExecution>,
+    waiting: VecDeque<CommandExecution>,
     /// Its exchange on the wire, and whether the result still matters.
-    flight: Option<Rank>,
+    flight: Option<WishRank>,
     trips: TripWatch,
     /// Its trips as far as they are kept.
     kept: DurableTrips,
     /// A run order that opened the lease and waits for its row.
-    opening: Option<Opening>,
+    opening: Option<OpeningOrder>,
     /// The last recorded owner of the lease, and whether it is awaited since before a restart.
     said_owner: Option<(Owner, bool)>,
     output: OutputWatch,
@@ -117,7 +117,7 @@ pub struct DriveWork {
     /// Whether the drive showed reverse when the last stop took effect.
     ramps_reverse: Option<bool>,
     /// How often it is polled.
-    pace: Pace,
+    pace: PollPace,
     watchdog: WatchdogWatch,
     /// The reads that show whether a stop takes effect, in turn.
     looks: Vec<(Address, u16)>,
@@ -131,11 +131,11 @@ pub struct DriveWork {
     /// The motor turned, and has not stood for certain since.
     has_turned: bool,
     /// The reset word.
-    reset: Standing,
+    reset: StandingWord,
     /// The last recorded state of the reset word.
     said_reset: bool,
     /// A start that the drive has not followed.
-    start: Standing,
+    start: StandingWord,
     /// The drive has refused a stop, and none has taken effect since.
     is_stop_refused: bool,
     /// When the drive last refused every form of a stop.
@@ -143,7 +143,7 @@ pub struct DriveWork {
     /// It was logged that the drive refused a stop.
     told_refused: bool,
     /// A stop answered from memory, until the drive has confirmed it.
-    answered: Option<Answered>,
+    answered: Option<AnsweredStop>,
     /// The client that stops the drive although others start it.
     again: Option<StoppedAgain>,
     /// The latest report of the newest command.
@@ -157,21 +157,21 @@ pub struct DriveWork {
     /// The drive was sent an order to run, and has since neither been seen at standstill without one nor stopped from here.
     may_run_on: bool,
     /// This gateway has taken the line, and does not know yet whether the drive is ordered to run.
-    unsettled: Option<Unsettled>,
+    unsettled: Option<UnsettledMotion>,
     /// Whether the drive is in sight, and what was last seen of it.
-    sight: Sight,
+    sight: DriveSight,
     /// Whether the drive follows its order to run.
-    followed: Followed,
+    followed: FollowWatch,
     /// The drive has stopped following its last order to run.
     is_stopped_elsewhere: bool,
     /// The output, held against what was ordered.
-    outside: Outside,
+    outside: OutsideWatch,
     /// What the drive has used.
-    usage: Sums,
+    usage: UsageSums,
     has_changed: bool,
 }
 
-type Out<'a> = &'a mut Outbox;
+type Out<'a> = &'a mut EffectOutbox;
 
 impl DriveWork {
     /// Creates the work of a drive that was added at `now`.
@@ -201,16 +201,16 @@ impl DriveWork {
             status: StatusWatch::new(model),
             status_at: None,
             ramps_reverse: None,
-            pace: Pace::new(Duration::ZERO, 1.0),
+            pace: PollPace::new(Duration::ZERO, 1.0),
             watchdog: WatchdogWatch::new(Arc::clone(model), WatchdogRange::ANY),
-            looks: looks::of(model),
+            looks: looks::look_addresses(model),
             rest_until: None,
             deaf_until: MonoTime::ZERO,
             is_stopping: false,
             has_turned: false,
-            reset: Standing::NONE,
+            reset: StandingWord::NONE,
             said_reset: false,
-            start: Standing::NONE,
+            start: StandingWord::NONE,
             is_stop_refused: false,
             stop_refused_at: None,
             told_refused: false,
@@ -222,11 +222,11 @@ impl DriveWork {
             overheard_at: None,
             may_run_on: false,
             unsettled: None,
-            sight: Sight::default(),
-            followed: Followed::default(),
+            sight: DriveSight::default(),
+            followed: FollowWatch::default(),
             is_stopped_elsewhere: false,
-            outside: Outside::default(),
-            usage: Sums::new(model, Pace::new(Duration::ZERO, 1.0)),
+            outside: OutsideWatch::default(),
+            usage: UsageSums::new(model, PollPace::new(Duration::ZERO, 1.0)),
             has_changed: true,
         }
     }
@@ -274,7 +274,7 @@ impl DriveWork {
     fn turns(&self) -> Option<Direction> {
         let is_reverse = self
             .status
-            .get(Flag::Reverse)
+            .get(IndicatedState::Reverse)
             .filter(|_| self.is_moving())?;
         Some(if is_reverse {
             Direction::Reverse
@@ -330,8 +330,9 @@ impl DriveWork {
     /// Whether a stop is not effective yet, or a reset has begun but not ended: its last word clears it.
     #[must_use]
     pub fn must_go_on(&self) -> bool {
-        let resets =
-            |execution: &Execution| *execution.order() == Order::Reset && execution.has_begun();
+        let resets = |execution: &CommandExecution| {
+            *execution.order() == Order::Reset && execution.has_begun()
+        };
         self.latch.is_some() || self.current.as_ref().is_some_and(resets)
     }
 
@@ -361,10 +362,10 @@ impl DriveWork {
 
     /// Facts for the review.
     #[must_use]
-    pub fn facts(&self, line_is_up: bool, is_offline: bool, now: MonoTime) -> Facts {
+    pub fn facts(&self, line_is_up: bool, is_offline: bool, now: MonoTime) -> DriveFacts {
         // Stale readings decide nothing: the motor may have been started since.
         let is_fresh = self.is_fresh(now);
-        Facts {
+        DriveFacts {
             line_is_up,
             listens: false,
             line_is_bad: false,
@@ -384,7 +385,7 @@ impl DriveWork {
 
     pub(super) fn tell(
         &mut self,
-        waiter: &mut Waiter,
+        waiter: &mut ReportWaiter,
         report: Report,
         is_final: bool,
         out: Out<'_>,
@@ -396,7 +397,7 @@ impl DriveWork {
         out.tell(waiter, report, is_final);
     }
 
-    pub(super) fn count(&mut self, waiter: &mut Waiter) {
+    pub(super) fn count(&mut self, waiter: &mut ReportWaiter) {
         self.commands = self.commands.wrapping_add(1);
         waiter.set_number(self.commands);
     }

@@ -1,16 +1,16 @@
 //! The output, held against what was ordered: a motor that turns faster than the configuration allows, or far from its
 //! setpoint, is reported, and is neither started nor made faster.
 
-use super::outside_watch::Found;
+use super::outside_watch::OutputFinding;
 use super::{DriveWork, Out};
 use crate::domain::command::RunIntent;
 use crate::domain::control::{FailSafe, OnOutputOutside};
-use crate::domain::fail_safe::Cause;
+use crate::domain::fail_safe::FailSafeCause;
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
-use crate::gateway::event::Effect;
-use crate::gateway::note::Note;
-use crate::profile::model::Flag;
+use crate::gateway::event::LineEffect;
+use crate::gateway::note::DriveNote;
+use crate::profile::model::IndicatedState;
 
 impl DriveWork {
     /// Takes a reading of the output.
@@ -30,7 +30,7 @@ impl DriveWork {
             return;
         };
         // Where the status shows that the motor runs, it shows as well when it does not.
-        if output == Hertz::ZERO && self.model.status_flag(Flag::Running).is_some() {
+        if output == Hertz::ZERO && self.model.status_flag(IndicatedState::Running).is_some() {
             return;
         }
         let (least, most) = (control.least, control.most);
@@ -42,9 +42,11 @@ impl DriveWork {
         };
         let wanted = ordered.unwrap_or(output.clamp(least, most));
         match self.outside.take(output, wanted, most, now) {
-            Found::Right if self.outside.is_told => self.is_right_again(out),
-            Found::Outside if !self.outside.is_told => self.is_outside(output, wanted, now, out),
-            Found::Right | Found::Unsure | Found::Outside => {}
+            OutputFinding::Right if self.outside.is_told => self.is_right_again(out),
+            OutputFinding::Outside if !self.outside.is_told => {
+                self.is_outside(output, wanted, now, out)
+            }
+            OutputFinding::Right | OutputFinding::Unsure | OutputFinding::Outside => {}
         }
     }
 
@@ -58,9 +60,9 @@ impl DriveWork {
         self.has_changed = true;
         self.guard.output_is_outside(true);
         let is_scale_typed = self.model.needs_full_scale();
-        out.push_back(Effect::Note(
+        out.push_back(LineEffect::Note(
             self.drive,
-            Note::OutputOutside {
+            DriveNote::OutputOutside {
                 output,
                 wanted,
                 is_scale_typed,
@@ -74,7 +76,7 @@ impl DriveWork {
             let owner = self.guard.lease().map(|(owner, _)| owner);
             let lost = self
                 .guard
-                .ends(owner, FailSafe::Stop, Cause::OutputOutside, now);
+                .ends(owner, FailSafe::Stop, FailSafeCause::OutputOutside, now);
             self.fail_safe(lost, now, out);
         }
     }
@@ -83,6 +85,6 @@ impl DriveWork {
         self.outside.is_told = false;
         self.has_changed = true;
         self.guard.output_is_outside(false);
-        out.push_back(Effect::Note(self.drive, Note::OutputRight));
+        out.push_back(LineEffect::Note(self.drive, DriveNote::OutputRight));
     }
 }

@@ -17,7 +17,7 @@ const NEARER_MILLIHERTZ: u32 = 20;
 
 /// What a reading shows of an output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Found {
+pub(super) enum OutputFinding {
     /// The output is at its setpoint and within the limits.
     Right,
     /// The output may still be on its way to its setpoint.
@@ -28,13 +28,13 @@ pub(super) enum Found {
 
 /// A distance in thousandths of a hertz that should become shorter.
 #[derive(Clone, Copy, Debug)]
-struct Distance {
+struct OutputDistance {
     shortest: u32,
     /// Since when the distance has not become shorter.
     since: MonoTime,
 }
 
-impl Distance {
+impl OutputDistance {
     /// Takes the `distance` at `now`. Returns for how long it has not become shorter.
     fn take(watch: &mut Option<Self>, distance: u32, now: MonoTime) -> Duration {
         match watch {
@@ -54,17 +54,17 @@ impl Distance {
 
 /// How far the output has been from what was ordered.
 #[derive(Debug, Default)]
-pub(super) struct Outside {
+pub(super) struct OutsideWatch {
     /// The setpoint that it is compared with. One that moves by less than the tolerance is the same.
     wanted: Option<Hertz>,
-    from_setpoint: Option<Distance>,
+    from_setpoint: Option<OutputDistance>,
     /// Whatever the setpoint is.
-    above_limit: Option<Distance>,
+    above_limit: Option<OutputDistance>,
     /// The output outside its limits was reported, and was not seen right since.
     pub(super) is_told: bool,
 }
 
-impl Outside {
+impl OutsideWatch {
     /// Nothing is ordered, or nothing is seen.
     pub(super) const fn pause(&mut self) {
         self.from_setpoint = None;
@@ -78,7 +78,7 @@ impl Outside {
         wanted: Hertz,
         most: Hertz,
         now: MonoTime,
-    ) -> Found {
+    ) -> OutputFinding {
         let [output, most] = [output, most].map(Hertz::millihertz);
         let tolerated = tolerance(wanted.millihertz());
         if self
@@ -89,7 +89,7 @@ impl Outside {
             self.from_setpoint = None;
         }
         let above_for = if output > most + tolerance(most) {
-            Distance::take(&mut self.above_limit, output, now)
+            OutputDistance::take(&mut self.above_limit, output, now)
         } else {
             self.above_limit = None;
             Duration::ZERO
@@ -97,13 +97,13 @@ impl Outside {
         let distance = output.abs_diff(wanted.millihertz());
         if distance <= tolerated && self.above_limit.is_none() {
             self.from_setpoint = None;
-            return Found::Right;
+            return OutputFinding::Right;
         }
-        let away_for = Distance::take(&mut self.from_setpoint, distance, now);
+        let away_for = OutputDistance::take(&mut self.from_setpoint, distance, now);
         if above_for >= ABOVE_FOR || away_for >= AWAY_FOR {
-            Found::Outside
+            OutputFinding::Outside
         } else {
-            Found::Unsure
+            OutputFinding::Unsure
         }
     }
 }

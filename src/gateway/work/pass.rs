@@ -3,12 +3,12 @@
 use super::{DriveWork, Out};
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::time::MonoTime;
-use crate::gateway::event::Effect;
-use crate::gateway::execution::Execution;
-use crate::gateway::note::Note;
-use crate::gateway::stop::Turn;
-use crate::guard::Void;
-use crate::journal::{Cause, Entry};
+use crate::gateway::event::LineEffect;
+use crate::gateway::execution::CommandExecution;
+use crate::gateway::note::DriveNote;
+use crate::gateway::stop::StopTurn;
+use crate::guard::VoidApproval;
+use crate::journal::{FailSafeCause, JournalEntry};
 
 impl DriveWork {
     /// Applies the changes caused by time alone.
@@ -22,11 +22,13 @@ impl DriveWork {
             if let Some(owner) = lost.owner {
                 let action = lost.action;
                 let note = match lost.cause {
-                    Cause::Orphaned | Cause::CrashLoop => Note::Orphaned { owner, action },
-                    Cause::OutOfReach => Note::OutOfReach { owner, action },
-                    _ => Note::CommanderLost { owner, action },
+                    FailSafeCause::Orphaned | FailSafeCause::CrashLoop => {
+                        DriveNote::Orphaned { owner, action }
+                    }
+                    FailSafeCause::OutOfReach => DriveNote::OutOfReach { owner, action },
+                    _ => DriveNote::CommanderLost { owner, action },
                 };
-                out.push_back(Effect::Note(self.drive, note));
+                out.push_back(LineEffect::Note(self.drive, note));
             }
             self.fail_safe(lost, now, out);
         }
@@ -55,7 +57,7 @@ impl DriveWork {
         let executions = current
             .into_iter()
             .chain(&self.waiting)
-            .map(Execution::start_before)
+            .map(CommandExecution::start_before)
             .min();
         let opening = self.opening.map(|opening| opening.until);
         [
@@ -77,15 +79,15 @@ impl DriveWork {
         };
         let turn = latch.pass(now, is_offline, control);
         let note = match turn {
-            Turn::None => return,
-            Turn::NotEffective => Note::NotEffective,
-            Turn::NotSent => Note::StopNotSent,
-            Turn::Dropped => Note::StopDropped,
+            StopTurn::None => return,
+            StopTurn::NotEffective => DriveNote::NotEffective,
+            StopTurn::NotSent => DriveNote::StopNotSent,
+            StopTurn::Dropped => DriveNote::StopDropped,
         };
         self.has_changed = true;
-        out.push_back(Effect::Note(self.drive, note));
+        out.push_back(LineEffect::Note(self.drive, note));
         let report = latch.late_report();
-        if turn == Turn::Dropped {
+        if turn == StopTurn::Dropped {
             self.guard.inhibit(now);
             return self.drop_stop(report, out);
         }
@@ -104,7 +106,7 @@ impl DriveWork {
         self.fail_safe_came(over, out);
         out.keep(
             self.drive,
-            Entry::StopOver {
+            JournalEntry::StopOver {
                 is_effective: false,
             },
         );
@@ -120,7 +122,7 @@ impl DriveWork {
                 .as_ref()
                 .is_some_and(|execution| !execution.has_begun() && now >= execution.start_before())
         {
-            self.void(Void::TooLate, out);
+            self.void(VoidApproval::TooLate, out);
         }
         while let Some(at) = self
             .waiting
@@ -137,13 +139,13 @@ impl DriveWork {
         }
     }
 
-    pub(super) fn void(&mut self, void: Void, out: Out<'_>) {
+    pub(super) fn void(&mut self, void: VoidApproval, out: Out<'_>) {
         let Some(mut execution) = self.current.take() else {
             return;
         };
         let report = match void {
-            Void::Stopped => Report::new(Outcome::Superseded, Reason::Stopped),
-            Void::TooLate => Report::new(Outcome::Expired, Reason::TooLate),
+            VoidApproval::Stopped => Report::new(Outcome::Superseded, Reason::Stopped),
+            VoidApproval::TooLate => Report::new(Outcome::Expired, Reason::TooLate),
         };
         self.finish(&mut execution, report, out);
     }

@@ -7,10 +7,10 @@ use crate::domain::command::{Outcome, Reason, Report, RunIntent};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
 use crate::drive::view::{TripEvent, TripEventKind};
-use crate::gateway::event::Effect;
-use crate::gateway::note::Note;
-use crate::journal::Entry;
-use crate::profile::model::Flag;
+use crate::gateway::event::LineEffect;
+use crate::gateway::note::DriveNote;
+use crate::journal::JournalEntry;
+use crate::profile::model::IndicatedState;
 
 /// The noise of a steady speed is less than this part of a hertz, or one step.
 const NOISE_PER_HERTZ: u32 = 10;
@@ -18,7 +18,7 @@ const LEAST_FALL: u16 = 2;
 
 /// The origin of words.
 #[derive(Clone, Copy, Debug)]
-pub struct Reading {
+pub struct WordsOrigin {
     /// The drive sent them no later than this.
     pub at: MonoTime,
     /// They are certainly from this drive: only then do they report trips.
@@ -31,7 +31,7 @@ impl DriveWork {
         &mut self,
         address: Address,
         words: &[u16],
-        reading: Reading,
+        reading: WordsOrigin,
         now: MonoTime,
         out: Out<'_>,
     ) {
@@ -65,7 +65,7 @@ impl DriveWork {
             }
         }
         if let Some(state) = self.status.take_undocumented() {
-            out.push_back(Effect::Note(self.drive, Note::Undocumented(state)));
+            out.push_back(LineEffect::Note(self.drive, DriveNote::Undocumented(state)));
         }
         let output = self
             .output_register
@@ -134,7 +134,7 @@ impl DriveWork {
     /// Whether the drive shows a different direction than when its stop took effect: another master has ordered it to
     /// turn the other way.
     fn is_turned_round(&self) -> bool {
-        let is_reverse = self.status.get(Flag::Reverse);
+        let is_reverse = self.status.get(IndicatedState::Reverse);
         self.ramps_reverse.is_some() && is_reverse.is_some() && self.ramps_reverse != is_reverse
     }
 
@@ -190,14 +190,14 @@ impl DriveWork {
             self.stop_refused_at = None;
         }
         self.output.ramps_down(out.now());
-        self.ramps_reverse = self.status.get(Flag::Reverse);
+        self.ramps_reverse = self.status.get(IndicatedState::Reverse);
         let was_told = latch.was_told() || (self.told_refused && !self.is_stop_refused);
         self.told_refused &= self.is_stop_refused;
         let over = self.guard.stop_is_over(true);
         self.fail_safe_came(over, out);
-        out.keep(self.drive, Entry::StopOver { is_effective: true });
+        out.keep(self.drive, JournalEntry::StopOver { is_effective: true });
         if was_told {
-            out.push_back(Effect::Note(self.drive, Note::EffectiveAtLast));
+            out.push_back(LineEffect::Note(self.drive, DriveNote::EffectiveAtLast));
         }
         for mut waiter in std::mem::take(latch.waiters()) {
             self.tell(
@@ -224,6 +224,6 @@ impl DriveWork {
         self.keep_trips(&events, out);
         events
             .into_iter()
-            .for_each(|event| out.push_back(Effect::Trip(self.drive, event)));
+            .for_each(|event| out.push_back(LineEffect::Trip(self.drive, event)));
     }
 }

@@ -2,16 +2,16 @@
 
 use super::{DriveWork, Out};
 use crate::domain::time::MonoTime;
-use crate::gateway::event::Effect;
-use crate::gateway::note::Note;
+use crate::gateway::event::LineEffect;
+use crate::gateway::note::DriveNote;
 use crate::gateway::stop::StopLatch;
-use crate::journal::{Entry, Remembered};
+use crate::journal::{JournalEntry, RememberedDrive};
 use crate::line::standby::SIGNALS_WITHIN;
 
 impl DriveWork {
     /// Restores the remembered state at `now`: the trip baseline, the owner of control, and a stop that was accepted but
     /// not seen to take effect. A run order is never restored.
-    pub fn remember(&mut self, remembered: &Remembered, now: MonoTime, out: Out<'_>) {
+    pub fn remember(&mut self, remembered: &RememberedDrive, now: MonoTime, out: Out<'_>) {
         self.remember_records(remembered);
         if let Some(lease) = remembered.lease {
             self.said_owner = Some((lease.owner, true));
@@ -21,7 +21,7 @@ impl DriveWork {
     }
 
     /// Restores, on a line that this gateway listens to, what does not depend on who sends there, and whose control it was.
-    pub fn remember_listening(&mut self, remembered: &Remembered, now: MonoTime) {
+    pub fn remember_listening(&mut self, remembered: &RememberedDrive, now: MonoTime) {
         self.remember_records(remembered);
         if let Some(lease) = remembered.lease {
             self.said_owner = Some((lease.owner, true));
@@ -34,7 +34,7 @@ impl DriveWork {
     /// control has an owner.
     pub fn remember_on_line(
         &mut self,
-        remembered: &Remembered,
+        remembered: &RememberedDrive,
         now: MonoTime,
         out: Out<'_>,
     ) -> bool {
@@ -44,7 +44,7 @@ impl DriveWork {
     }
 
     /// Restores what does not depend on who sends on the line: trips and sums.
-    fn remember_records(&mut self, remembered: &Remembered) {
+    fn remember_records(&mut self, remembered: &RememberedDrive) {
         self.trips =
             std::mem::take(&mut self.trips).remembering(remembered.trips.unwrap_or_default());
         self.kept.remember(remembered);
@@ -52,7 +52,7 @@ impl DriveWork {
     }
 
     /// Restores what was ordered.
-    fn remember_orders(&mut self, remembered: &Remembered, now: MonoTime, out: Out<'_>) {
+    fn remember_orders(&mut self, remembered: &RememberedDrive, now: MonoTime, out: Out<'_>) {
         self.remember_sight(remembered);
         self.remember_reset(remembered.reset);
         let Some(stop) = remembered.stop else { return };
@@ -63,10 +63,10 @@ impl DriveWork {
             }
             // Its control section is gone, or the drive was replaced.
             None => {
-                out.push_back(Effect::Note(self.drive, Note::StopDropped));
+                out.push_back(LineEffect::Note(self.drive, DriveNote::StopDropped));
                 out.keep(
                     self.drive,
-                    Entry::StopOver {
+                    JournalEntry::StopOver {
                         is_effective: false,
                     },
                 );

@@ -4,23 +4,23 @@
 use super::{DriveWork, Out};
 use crate::domain::command::{Order, RunIntent};
 use crate::domain::time::MonoTime;
-use crate::gateway::event::Effect;
-use crate::gateway::execution::Execution;
-use crate::gateway::note::Note;
-use crate::gateway::waiter::Waiter;
-use crate::journal::{Entry, RowNumber};
+use crate::gateway::event::LineEffect;
+use crate::gateway::execution::CommandExecution;
+use crate::gateway::note::DriveNote;
+use crate::gateway::waiter::ReportWaiter;
+use crate::journal::{JournalEntry, RowNumber};
 use crate::profile::model::OrderKind;
 
 impl DriveWork {
     /// Records whether the reset word may remain from now on, if that has changed. Returns its row.
     pub fn keep_reset(&mut self, out: Out<'_>) -> Option<RowNumber> {
-        let resets = |execution: &Execution| *execution.order() == Order::Reset;
+        let resets = |execution: &CommandExecution| *execution.order() == Order::Reset;
         let may_stand = self.reset.stands || self.current.iter().chain(&self.waiting).any(resets);
         if may_stand == self.said_reset {
             return None;
         }
         self.said_reset = may_stand;
-        out.keep(self.drive, Entry::ResetWord { may_stand })
+        out.keep(self.drive, JournalEntry::ResetWord { may_stand })
     }
 
     /// A previous run of the gateway may have left the reset word.
@@ -47,9 +47,11 @@ impl DriveWork {
         let Some(approved) = self.guard.take_reset_back() else {
             return;
         };
-        out.push_back(Effect::Note(self.drive, Note::ResetTakenBack));
-        self.waiting
-            .push_front(Execution::new(approved, Waiter::of_nobody(self.drive)));
+        out.push_back(LineEffect::Note(self.drive, DriveNote::ResetTakenBack));
+        self.waiting.push_front(CommandExecution::new(
+            approved,
+            ReportWaiter::of_nobody(self.drive),
+        ));
     }
 
     /// The word of the order `kind` was written: it replaces the reset word where both are in one register.

@@ -1,15 +1,15 @@
 //! Journal rows of a drive, and the work that waits for them.
 
-use super::durable::Durable;
+use super::durable::DurablePicture;
 use super::{DriveWork, Out};
 use crate::domain::command::{Order, Outcome, Reason, Report};
 use crate::domain::time::MonoTime;
 use crate::drive::trips::{TripBaseline, TripWatch};
 use crate::drive::view::{KeptTrips, TripEvent};
-use crate::gateway::event::Effect;
-use crate::gateway::execution::Execution;
-use crate::gateway::note::Note;
-use crate::journal::{Entry, Remembered, RowNumber};
+use crate::gateway::event::LineEffect;
+use crate::gateway::execution::CommandExecution;
+use crate::gateway::note::DriveNote;
+use crate::journal::{JournalEntry, RememberedDrive, RowNumber};
 use std::time::Duration;
 
 /// Maximum time for which a reset, or a run order that opens a lease, waits for its row. Control takes precedence over
@@ -20,7 +20,7 @@ const UNKEPT_MAX: usize = 16;
 
 /// A run order or reset that waits for its row.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Opening {
+pub(super) struct OpeningOrder {
     row: RowNumber,
     /// The order is sent at this moment even if its row is not durable.
     pub until: MonoTime,
@@ -29,7 +29,7 @@ pub(super) struct Opening {
 /// Trips, as far as their rows are durable.
 #[derive(Debug, Default)]
 pub(super) struct DurableTrips {
-    pictures: Durable<KeptTrips, UNKEPT_MAX>,
+    pictures: DurablePicture<KeptTrips, UNKEPT_MAX>,
     /// The baseline in the last row.
     said: TripBaseline,
     /// Trips of previous runs, and the number of the newest.
@@ -39,13 +39,13 @@ pub(super) struct DurableTrips {
 
 impl DurableTrips {
     /// Restores the trips of previous runs.
-    pub fn remember(&mut self, remembered: &Remembered) {
+    pub fn remember(&mut self, remembered: &RememberedDrive) {
         self.said = remembered.trips.unwrap_or_default();
         self.total_before = remembered.trips_total;
         self.code_before = remembered.last_code;
         let total = self.total_before;
         let last_code = self.code_before;
-        self.pictures = Durable::new(KeptTrips {
+        self.pictures = DurablePicture::new(KeptTrips {
             count: self.said.count,
             total,
             last: None,
@@ -78,7 +78,10 @@ impl DriveWork {
             return None;
         }
         self.said_owner = owner;
-        out.keep(self.drive, Entry::Lease(owner.map(|(owner, _)| owner)))
+        out.keep(
+            self.drive,
+            JournalEntry::Lease(owner.map(|(owner, _)| owner)),
+        )
     }
 
     /// An order was accepted. One that `runs` waits for the row of its lease, if it has opened one.
@@ -96,14 +99,14 @@ impl DriveWork {
 
     /// Delays the accepted order until `row` is durable.
     pub(super) fn opens_behind(&mut self, row: RowNumber, now: MonoTime) {
-        self.opening = Some(Opening {
+        self.opening = Some(OpeningOrder {
             row,
             until: now + WAIT_MAX,
         });
     }
 
     /// When `execution` may begin, as far as the journal is concerned.
-    pub(super) fn opens_at(&self, execution: &Execution) -> MonoTime {
+    pub(super) fn opens_at(&self, execution: &CommandExecution) -> MonoTime {
         match self.opening {
             Some(opening) if waits_for_row(execution) => opening.until,
             _ => MonoTime::ZERO,
@@ -117,7 +120,7 @@ impl DriveWork {
             .take_if(|opening| now >= opening.until)
             .is_some();
         if is_over && self.current.iter().chain(&self.waiting).any(waits_for_row) {
-            out.push_back(Effect::Note(self.drive, Note::JournalSlow));
+            out.push_back(LineEffect::Note(self.drive, DriveNote::JournalSlow));
         }
     }
 
@@ -125,10 +128,10 @@ impl DriveWork {
     pub(super) fn keep_trips(&mut self, events: &[TripEvent], out: Out<'_>) {
         let baseline = self.trips.baseline();
         let is_other = std::mem::replace(&mut self.kept.said, baseline) != baseline;
-        let moved = (events.is_empty() && is_other).then_some(Entry::Baseline(baseline));
+        let moved = (events.is_empty() && is_other).then_some(JournalEntry::Baseline(baseline));
         let entries = events
             .iter()
-            .map(|event| Entry::Trip(event.clone(), baseline))
+            .map(|event| JournalEntry::Trip(event.clone(), baseline))
             .chain(moved);
         let mut row = None;
         for entry in entries {
@@ -193,7 +196,7 @@ impl DurableTrips {
 }
 
 /// Whether `execution` is an order to run, or a reset, that has not begun.
-fn waits_for_row(execution: &Execution) -> bool {
+fn waits_for_row(execution: &CommandExecution) -> bool {
     let waits = match execution.order() {
         Order::Go(go) => go.run().is_some(),
         order => *order == Order::Reset,

@@ -6,11 +6,11 @@ use crate::domain::address::Address;
 use crate::domain::command::{Owner, Reason};
 use crate::domain::time::MonoTime;
 use crate::drive::sight::{LastSeen, SeenAt, SightView};
-use crate::gateway::event::Effect;
-use crate::gateway::note::Note;
+use crate::gateway::event::LineEffect;
+use crate::gateway::note::DriveNote;
 use crate::gateway::stop::StopLatch;
-use crate::journal::{Entry, Remembered};
-use crate::profile::model::Flag;
+use crate::journal::{JournalEntry, RememberedDrive};
+use crate::profile::model::IndicatedState;
 use std::time::Duration;
 
 /// What was read of the motor is shown for this time at least.
@@ -35,13 +35,13 @@ impl DriveWork {
     pub fn confirm_standstill(&mut self, owner: Owner, out: Out<'_>) {
         if self.sight.confirmed() {
             self.has_changed = true;
-            out.push_back(Effect::Note(
+            out.push_back(LineEffect::Note(
                 self.drive,
-                Note::StandstillConfirmed { by: owner },
+                DriveNote::StandstillConfirmed { by: owner },
             ));
             out.keep(
                 self.drive,
-                Entry::InSight {
+                JournalEntry::InSight {
                     confirmed_by: Some(owner),
                 },
             );
@@ -92,8 +92,11 @@ impl DriveWork {
         let may_run = is_ordered || (last_seen.is_some() && !self.stands());
         if self.sight.lost(last_seen, may_run) {
             let last_seen = self.sight.last_seen();
-            out.push_back(Effect::Note(self.drive, Note::MayStillRun(last_seen)));
-            out.keep(self.drive, Entry::OutOfSight { last_seen });
+            out.push_back(LineEffect::Note(
+                self.drive,
+                DriveNote::MayStillRun(last_seen),
+            ));
+            out.keep(self.drive, JournalEntry::OutOfSight { last_seen });
         }
     }
 
@@ -105,7 +108,7 @@ impl DriveWork {
             .and_then(|it| self.age(it.address(), self.output.at(), now));
         let status = self
             .model
-            .status_flag(Flag::Running)
+            .status_flag(IndicatedState::Running)
             .and_then(|it| self.age(it.address, self.status_at, now));
         let is_seen = [output, status].contains(&Some(Age::Fresh));
         // What is not fresh may become old in a moment: nothing is reported of one part before the other is known.
@@ -144,12 +147,12 @@ impl DriveWork {
     /// A reading shows what the drive does.
     pub(super) fn is_seen(&mut self, out: Out<'_>) {
         if self.sight.seen() {
-            out.keep(self.drive, Entry::InSight { confirmed_by: None });
+            out.keep(self.drive, JournalEntry::InSight { confirmed_by: None });
         }
     }
 
     /// Restores what an earlier process last saw of a drive that it could not see at standstill.
-    pub(super) fn remember_sight(&mut self, remembered: &Remembered) {
+    pub(super) fn remember_sight(&mut self, remembered: &RememberedDrive) {
         if remembered.may_still_run || remembered.lease.is_some() || remembered.stop.is_some() {
             self.sight.remember(remembered.last_seen);
         }

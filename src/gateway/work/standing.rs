@@ -8,13 +8,13 @@ const AGAIN_AFTER: Duration = Duration::from_secs(5);
 
 /// A word that may stand in the drive.
 #[derive(Debug)]
-pub(super) struct Standing {
+pub(super) struct StandingWord {
     pub stands: bool,
     /// The earliest moment to take it back.
     again_at: MonoTime,
 }
 
-impl Standing {
+impl StandingWord {
     /// No word stands.
     pub const NONE: Self = Self {
         stands: false,

@@ -3,16 +3,16 @@
 use super::{DriveWork, Out};
 use crate::domain::command::{Order, Reason};
 use crate::domain::time::MonoTime;
-use crate::gateway::event::Effect;
-use crate::gateway::execution::Execution;
-use crate::gateway::note::Note;
-use crate::gateway::waiter::Waiter;
+use crate::gateway::event::LineEffect;
+use crate::gateway::execution::CommandExecution;
+use crate::gateway::note::DriveNote;
+use crate::gateway::waiter::ReportWaiter;
 use crate::profile::model::OrderKind;
 
 impl DriveWork {
     /// The next request of `execution` is sent.
     pub(super) fn start_was_sent(&mut self) {
-        let starts = self.current.as_ref().is_some_and(Execution::starts);
+        let starts = self.current.as_ref().is_some_and(CommandExecution::starts);
         if starts && self.model.start_take_back().is_some() {
             self.start.was_sent();
         }
@@ -20,7 +20,7 @@ impl DriveWork {
 
     /// The drive shows that it runs: the effect of the run word, if that was the last word sent.
     pub(super) fn runs_now(&mut self) {
-        let runs = |execution: &Execution| matches!(execution.order(), Order::Go(go) if go.run().is_some());
+        let runs = |execution: &CommandExecution| matches!(execution.order(), Order::Go(go) if go.run().is_some());
         let shows_it = self
             .current
             .as_ref()
@@ -52,8 +52,10 @@ impl DriveWork {
         let Some(approved) = self.guard.take_start_back(now) else {
             return;
         };
-        out.push_back(Effect::Note(self.drive, Note::StartTakenBack));
-        self.waiting
-            .push_front(Execution::new(approved, Waiter::of_nobody(self.drive)));
+        out.push_back(LineEffect::Note(self.drive, DriveNote::StartTakenBack));
+        self.waiting.push_front(CommandExecution::new(
+            approved,
+            ReportWaiter::of_nobody(self.drive),
+        ));
     }
 }

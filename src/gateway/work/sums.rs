@@ -1,7 +1,7 @@
 //! What a drive has used: measured, and shown as far as its rows are durable, so that no sum falls after a kill.
 
-use super::durable::Durable;
-use crate::drive::plan::Pace;
+use super::durable::DurablePicture;
+use crate::drive::plan::PollPace;
 use crate::drive::usage::{KeptUsage, UsageMeter, UsageParts, UsageTotals, UsageView};
 use crate::profile::model::Model;
 
@@ -10,16 +10,16 @@ const UNKEPT_MAX: usize = 8;
 
 /// The sums of one drive.
 #[derive(Debug)]
-pub(super) struct Sums {
+pub(super) struct UsageSums {
     pub meter: UsageMeter,
     parts: UsageParts,
-    pub totals: Durable<UsageTotals, UNKEPT_MAX>,
+    pub totals: DurablePicture<UsageTotals, UNKEPT_MAX>,
 }
 
-impl Sums {
+impl UsageSums {
     /// Nothing used so far.
-    pub fn new(model: &Model, pace: Pace) -> Self {
-        let totals = Durable::new(UsageTotals::default());
+    pub fn new(model: &Model, pace: PollPace) -> Self {
+        let totals = DurablePicture::new(UsageTotals::default());
         Self {
             meter: UsageMeter::new(model, pace),
             parts: UsageParts::of(model),
@@ -30,7 +30,7 @@ impl Sums {
     /// Continues from what an earlier process has kept.
     pub fn remember(&mut self, kept: KeptUsage) {
         self.meter.remember(kept);
-        self.totals = Durable::new(kept.totals);
+        self.totals = DurablePicture::new(kept.totals);
     }
 
     /// What is shown.

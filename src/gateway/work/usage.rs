@@ -6,7 +6,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::snapshot::DriveSnapshot;
 use crate::drive::usage::UsageView;
 use crate::drive::view::{TripEvent, TripEventKind};
-use crate::journal::Entry;
+use crate::journal::JournalEntry;
 use std::time::Duration;
 
 /// What has been used is returned to be kept this often: it is lost if the process is killed.
@@ -62,7 +62,7 @@ impl DriveWork {
         self.keep_usage(out);
         self.usage.meter.reset();
         self.has_changed = true;
-        out.keep(self.drive, Entry::UsageReset { owner });
+        out.keep(self.drive, JournalEntry::UsageReset { owner });
         self.keep_usage(out);
     }
 
@@ -73,7 +73,7 @@ impl DriveWork {
 
     fn keep_usage_after(&mut self, after: Duration, out: Out<'_>) {
         if let Some(usage) = self.usage.meter.take_unkept(out.now(), after) {
-            let row = out.keep(self.drive, Entry::Usage(usage));
+            let row = out.keep(self.drive, JournalEntry::Usage(usage));
             self.usage.totals.show(row, usage.totals);
         }
     }

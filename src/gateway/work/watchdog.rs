@@ -4,8 +4,8 @@ use super::{DriveWork, Out};
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::drive::watchdog::{WatchdogRange, WatchdogWatch};
-use crate::gateway::event::Effect;
-use crate::gateway::note::Note;
+use crate::gateway::event::LineEffect;
+use crate::gateway::note::DriveNote;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -31,7 +31,7 @@ impl DriveWork {
         if let Some(state) = self.watchdog.take(address, words)
             && is_commanded
         {
-            out.push_back(Effect::Note(self.drive, Note::Watchdog(state)));
+            out.push_back(LineEffect::Note(self.drive, DriveNote::Watchdog(state)));
         }
     }
 
@@ -57,6 +57,6 @@ impl DriveWork {
         }
         self.rest_until = Some(until);
         self.has_changed = true;
-        out.push_back(Effect::Note(self.drive, Note::LeftToWatchdog));
+        out.push_back(LineEffect::Note(self.drive, DriveNote::LeftToWatchdog));
     }
 }

@@ -2,7 +2,7 @@
 
 /// Why the line was given up, or taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Change {
+pub enum StandbyChange {
     /// The line was silent for long enough: this gateway is active from now on.
     TakenOver,
     /// It was handed over: this gateway is active from now on.

@@ -11,7 +11,7 @@ const DOUBLINGS: u8 = 2;
 
 /// What this gateway has heard while it sends.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Ears {
+pub(super) struct SenderEars {
     /// When a drive last answered, or the line was taken.
     sound_at: MonoTime,
     /// Requests since then that were not answered.
@@ -22,7 +22,7 @@ pub(super) struct Ears {
     is_proven: bool,
 }
 
-impl Ears {
+impl SenderEars {
     /// Nothing is known.
     pub const NEW: Self = Self {
         sound_at: MonoTime::ZERO,

@@ -7,14 +7,14 @@ use std::time::Duration;
 
 /// What a listener knows of the line.
 #[derive(Clone, Copy, Debug)]
-pub struct Knowledge {
+pub struct StandbyKnowledge {
     /// From this moment on what is received while listening is known to have come just now.
     attentive_from: MonoTime,
     /// From this moment on another gateway that has taken the line would have been heard to say so.
     informed_from: MonoTime,
 }
 
-impl Knowledge {
+impl StandbyKnowledge {
     /// Nothing was missed.
     pub(super) const NEW: Self = Self {
         attentive_from: MonoTime::ZERO,

@@ -2,20 +2,20 @@
 
 use super::*;
 use crate::domain::link::{Framing, LinkSettings};
-use crate::line::timing::Timing;
+use crate::line::timing::LineTiming;
 use crate::vendors;
 use std::collections::HashSet;
 
 const MS: fn(u64) -> Duration = Duration::from_millis;
 
-fn timing(baud: u32) -> Timing {
+fn timing(baud: u32) -> LineTiming {
     let catalog = vendors::catalog();
     let model = catalog.find("hyundai-n700").unwrap();
     let link = LinkSettings {
         baud,
         ..LinkSettings::DEFAULT
     };
-    Timing::for_models(Framing::Rtu, link, [model.as_ref()], Duration::ZERO)
+    LineTiming::for_models(Framing::Rtu, link, [model.as_ref()], Duration::ZERO)
 }
 
 #[test]
@@ -42,7 +42,7 @@ fn the_times_are_the_usual_ones_except_on_slow_lines_and_for_slow_drives() {
 }
 
 /// Lets a free line be silent up to `until`; returns the first change and when it came.
-fn silent(rule: &mut Standby, until: u64) -> Option<(u64, Change)> {
+fn silent(rule: &mut StandbyRule, until: u64) -> Option<(u64, StandbyChange)> {
     while let Some(due) = rule
         .due_at()
         .filter(|due| *due <= MonoTime::from_millis(until))
@@ -54,8 +54,8 @@ fn silent(rule: &mut Standby, until: u64) -> Option<(u64, Change)> {
     None
 }
 
-fn opened(at_ms: u64) -> Standby {
-    let mut rule = Standby::new(StandbyTimes::shortest(&timing(9600), MS(300)), 1);
+fn opened(at_ms: u64) -> StandbyRule {
+    let mut rule = StandbyRule::new(StandbyTimes::shortest(&timing(9600), MS(300)), 1);
     assert_eq!((rule.role(), rule.due_at()), (LineRole::Listening, None));
     rule.port_opened(MonoTime::from_millis(at_ms));
     rule
@@ -74,7 +74,7 @@ fn a_listener_takes_the_line_over_after_the_silence_and_sends_at_once() {
         None,
         "something is on the wire"
     );
-    assert_eq!(rule.pass(at(15_001), true), Some(Change::TakenOver));
+    assert_eq!(rule.pass(at(15_001), true), Some(StandbyChange::TakenOver));
     assert_eq!(
         (rule.claims_at(), rule.may_send(at(15_001))),
         (Some(at(15_001)), true)
@@ -102,19 +102,25 @@ fn a_listener_that_did_not_listen_has_not_heard_silence() {
     let mut rule = opened(0);
     assert_eq!(silent(&mut rule, 2000), None);
     assert_eq!(rule.pass(at(2401), true), None);
-    assert_eq!(silent(&mut rule, 9000), Some((4901, Change::TakenOver)));
+    assert_eq!(
+        silent(&mut rule, 9000),
+        Some((4901, StandbyChange::TakenOver))
+    );
 }
 
 #[test]
 fn one_that_was_suspended_listens_before_it_sends() {
     let at = MonoTime::from_millis;
     let mut rule = opened(0);
-    assert_eq!(silent(&mut rule, 9000), Some((2500, Change::TakenOver)));
+    assert_eq!(
+        silent(&mut rule, 9000),
+        Some((2500, StandbyChange::TakenOver))
+    );
     rule.sent(at(2500));
     assert!(rule.may_send(at(3999)) && !rule.may_send(at(4000)));
     assert_eq!(rule.pass(at(3999), true), None);
-    assert_eq!(rule.pass(at(4000), true), Some(Change::Stalled));
-    let Some((taken, Change::TakenOver)) = silent(&mut rule, 9000) else {
+    assert_eq!(rule.pass(at(4000), true), Some(StandbyChange::Stalled));
+    let Some((taken, StandbyChange::TakenOver)) = silent(&mut rule, 9000) else {
         panic!("not taken over")
     };
     assert!((6500..=7000).contains(&taken), "{taken}");
@@ -123,7 +129,7 @@ fn one_that_was_suspended_listens_before_it_sends() {
     assert_eq!(rule.was_sent(at(taken) + HAND_OVER_MAX), None);
     assert_eq!(
         rule.was_sent(at(taken) + HAND_OVER_MAX + MS(1)),
-        Some(Change::Stalled)
+        Some(StandbyChange::Stalled)
     );
 }
 
@@ -136,15 +142,27 @@ fn a_rival_ends_the_role_and_a_lost_port_does() {
         None,
         "a listener gives nothing up"
     );
-    assert_eq!(silent(&mut rule, 9000), Some((2501, Change::TakenOver)));
-    assert_eq!(rule.heard_request(at(2600)), Some(Change::Rival));
+    assert_eq!(
+        silent(&mut rule, 9000),
+        Some((2501, StandbyChange::TakenOver))
+    );
+    assert_eq!(rule.heard_request(at(2600)), Some(StandbyChange::Rival));
     assert!(rule.hears_other(at(2700)));
     assert!(!rule.port_gone() && rule.due_at().is_none());
     rule.port_opened(at(5000));
-    assert_eq!(silent(&mut rule, 9000), Some((7500, Change::TakenOver)));
-    assert_eq!(rule.give_up(at(7600), MS(4000)), Some(Change::Yielded));
+    assert_eq!(
+        silent(&mut rule, 9000),
+        Some((7500, StandbyChange::TakenOver))
+    );
+    assert_eq!(
+        rule.give_up(at(7600), MS(4000)),
+        Some(StandbyChange::Yielded)
+    );
     assert_eq!(rule.give_up(at(7700), MS(1)), None);
-    assert_eq!(silent(&mut rule, 90_000), Some((14_100, Change::TakenOver)));
+    assert_eq!(
+        silent(&mut rule, 90_000),
+        Some((14_100, StandbyChange::TakenOver))
+    );
     assert!(rule.port_gone());
 }
 
@@ -152,16 +170,22 @@ fn a_rival_ends_the_role_and_a_lost_port_does() {
 fn the_wait_of_one_that_gave_the_line_up_ends_when_another_one_has_it() {
     let at = MonoTime::from_millis;
     for gives_up in [
-        |rule: &mut Standby| rule.give_up(MonoTime::from_millis(2600), MS(2500)),
-        |rule: &mut Standby| rule.pass(MonoTime::from_millis(4000), true),
+        |rule: &mut StandbyRule| rule.give_up(MonoTime::from_millis(2600), MS(2500)),
+        |rule: &mut StandbyRule| rule.pass(MonoTime::from_millis(4000), true),
     ] {
         let mut rule = opened(0);
-        assert_eq!(silent(&mut rule, 2500), Some((2500, Change::TakenOver)));
+        assert_eq!(
+            silent(&mut rule, 2500),
+            Some((2500, StandbyChange::TakenOver))
+        );
         rule.sent(at(2500));
         assert!(gives_up(&mut rule).is_some());
         assert_eq!(silent(&mut rule, 4200), None);
         rule.heard(at(4200));
-        assert_eq!(silent(&mut rule, 90_000), Some((6700, Change::TakenOver)));
+        assert_eq!(
+            silent(&mut rule, 90_000),
+            Some((6700, StandbyChange::TakenOver))
+        );
     }
 }
 
@@ -169,9 +193,12 @@ fn the_wait_of_one_that_gave_the_line_up_ends_when_another_one_has_it() {
 fn two_that_took_the_line_in_step_wait_for_different_times() {
     let at = MonoTime::from_millis;
     let claims = |seed| {
-        let mut rule = Standby::new(StandbyTimes::shortest(&timing(9600), MS(300)), seed);
+        let mut rule = StandbyRule::new(StandbyTimes::shortest(&timing(9600), MS(300)), seed);
         rule.port_opened(at(0));
-        assert_eq!(silent(&mut rule, 9000), Some((2500, Change::TakenOver)));
+        assert_eq!(
+            silent(&mut rule, 9000),
+            Some((2500, StandbyChange::TakenOver))
+        );
         rule.sent(at(2500));
         assert_eq!(rule.unanswered(at(2600), true), None);
         assert_eq!(rule.role(), LineRole::Active, "for now");
@@ -184,7 +211,7 @@ fn two_that_took_the_line_in_step_wait_for_different_times() {
     let [(mut first, first_at), (mut second, second_at)] = [1, 2].map(claims);
     assert!(first_at < second_at);
     assert!(!second.may_send(first_at) && first.may_send(first_at) && second.may_send(second_at));
-    assert_eq!(second.heard_request(first_at), Some(Change::Rival));
+    assert_eq!(second.heard_request(first_at), Some(StandbyChange::Rival));
 
     // The first stays active. One that gets only damaged replies gives the line up in the end; silence does not matter.
     let mut now = first_at;
@@ -198,7 +225,7 @@ fn two_that_took_the_line_in_step_wait_for_different_times() {
         (first.unanswered(now, false), first.claims_at()),
         (None, None)
     );
-    assert_eq!(first.unanswered(now, true), Some(Change::Collided));
+    assert_eq!(first.unanswered(now, true), Some(StandbyChange::Collided));
     // A drive that is off makes it wait once.
     let (mut unheard, _) = claims(4);
     unheard.sent(at(2800));
@@ -211,7 +238,10 @@ fn two_that_took_the_line_in_step_wait_for_different_times() {
     late.sent(at(3000));
     assert_eq!(late.unanswered(at(4400), true), None);
     assert!(!late.may_send(at(4500)));
-    assert_eq!(silent(&mut late, 4600), Some((4500, Change::Stalled)));
+    assert_eq!(
+        silent(&mut late, 4600),
+        Some((4500, StandbyChange::Stalled))
+    );
 }
 
 #[test]
@@ -219,20 +249,20 @@ fn a_line_that_is_handed_over_is_taken_at_once_unless_another_was_faster() {
     let at = MonoTime::from_millis;
     let shortest = StandbyTimes::shortest(&timing(9600), MS(300));
     for (rank, taken) in [(0, 1000), (1, 1200), (2, 1400)] {
-        let mut rule = Standby::new(shortest.with(None, rank), 1);
+        let mut rule = StandbyRule::new(shortest.with(None, rank), 1);
         rule.port_opened(at(900));
         rule.handed_over(at(1000));
         assert_eq!(
             silent(&mut rule, 9000),
-            Some((taken, Change::HandedOver)),
+            Some((taken, StandbyChange::HandedOver)),
             "{rank}"
         );
-        let mut slow = Standby::new(shortest.with(None, rank), 1);
+        let mut slow = StandbyRule::new(shortest.with(None, rank), 1);
         slow.port_opened(at(900));
         slow.handed_over(at(1000));
         slow.heard(at(1000));
         assert_eq!(silent(&mut slow, 3499), None, "{rank}: the other one sends");
-        let mut suspended = Standby::new(shortest.with(None, rank), 1);
+        let mut suspended = StandbyRule::new(shortest.with(None, rank), 1);
         suspended.port_opened(at(900));
         suspended.handed_over(at(1000));
         assert_eq!(
@@ -245,7 +275,7 @@ fn a_line_that_is_handed_over_is_taken_at_once_unless_another_was_faster() {
 }
 
 /// Sends on and on from `from` to `until`, and asks in vain; returns the first change and when it came.
-fn in_vain(rule: &mut Standby, from: u64, until: u64) -> Option<(u64, Change)> {
+fn in_vain(rule: &mut StandbyRule, from: u64, until: u64) -> Option<(u64, StandbyChange)> {
     for now in (from..until).step_by(100) {
         rule.sent(MonoTime::from_millis(now));
         rule.missed();
@@ -260,16 +290,19 @@ fn in_vain(rule: &mut Standby, from: u64, until: u64) -> Option<(u64, Change)> {
 fn one_that_hears_no_drive_leaves_the_line_for_longer_and_longer_until_it_hears_something() {
     let at = MonoTime::from_millis;
     let mut rule = opened(0);
-    assert_eq!(silent(&mut rule, 9000), Some((2500, Change::TakenOver)));
+    assert_eq!(
+        silent(&mut rule, 9000),
+        Some((2500, StandbyChange::TakenOver))
+    );
     let mut now = 2500;
     for least in [10_000, 20_000, 40_000, 40_000] {
         assert_eq!(
             in_vain(&mut rule, now, now + 9000),
-            Some((now + 3000, Change::Deaf))
+            Some((now + 3000, StandbyChange::Deaf))
         );
         assert!(rule.is_deaf());
         now += 3000;
-        let Some((taken, Change::TakenOver)) = silent(&mut rule, now + 200_000) else {
+        let Some((taken, StandbyChange::TakenOver)) = silent(&mut rule, now + 200_000) else {
             panic!("not taken over")
         };
         let waited = taken - now;
@@ -282,7 +315,7 @@ fn one_that_hears_no_drive_leaves_the_line_for_longer_and_longer_until_it_hears_
     assert!(in_vain(&mut rule, now, now + 9000).is_some());
     // Its receiver works: the drives are off, and it goes on alone.
     rule.heard(at(now + 9000));
-    let Some((taken, Change::TakenOver)) = silent(&mut rule, now + 20_000) else {
+    let Some((taken, StandbyChange::TakenOver)) = silent(&mut rule, now + 20_000) else {
         panic!("not taken over")
     };
     assert_eq!((taken, rule.is_deaf()), (now + 11_500, false));
@@ -291,7 +324,7 @@ fn one_that_hears_no_drive_leaves_the_line_for_longer_and_longer_until_it_hears_
     rule.answered(at(taken + 60_000));
     assert!(matches!(
         in_vain(&mut rule, taken + 60_000, taken + 80_000),
-        Some((_, Change::Deaf))
+        Some((_, StandbyChange::Deaf))
     ));
 }
 
@@ -304,7 +337,7 @@ fn bytes_of_any_kind_are_no_silence() {
         assert_eq!(silent(&mut rule, now + 900), None);
     }
     rule.jam_ended(at(20_000));
-    let Some((taken, Change::TakenOver)) = silent(&mut rule, 30_000) else {
+    let Some((taken, StandbyChange::TakenOver)) = silent(&mut rule, 30_000) else {
         panic!("not taken over")
     };
     assert!((22_500..=22_750).contains(&taken), "{taken}");
@@ -317,7 +350,7 @@ const MS_250: Duration = Duration::from_millis(250);
 /// A gateway of the search: its rule, and a frame that passed the check but was not handed to the port yet.
 #[derive(Clone)]
 struct Node {
-    rule: Standby,
+    rule: StandbyRule,
     now: MonoTime,
     /// Suspended between the check and the port.
     held: bool,
@@ -371,8 +404,8 @@ impl Node {
         let age = |at: MonoTime| self.now.since(at).as_millis().min(4000);
         let heard = self.rule.heard_at().map_or(u128::MAX, age);
         match self.rule.state {
-            State::Deaf { .. } => (0, 0, 0, heard, self.held),
-            State::Listening {
+            SendState::Deaf { .. } => (0, 0, 0, heard, self.held),
+            SendState::Listening {
                 quiet_from,
                 looked_at,
                 extra,
@@ -383,7 +416,7 @@ impl Node {
                 heard,
                 self.held,
             ),
-            State::Claiming { at, until } => {
+            SendState::Claiming { at, until } => {
                 let rest = |at: MonoTime| at.since(self.now).as_millis();
                 (
                     2,
@@ -393,7 +426,7 @@ impl Node {
                     self.held,
                 )
             }
-            State::Active { sent_at } => {
+            SendState::Active { sent_at } => {
                 (3 + self.rule.contended, age(sent_at), 0, heard, self.held)
             }
         }
@@ -424,7 +457,7 @@ impl Node {
                 }
                 self.rule.pass(self.now, true);
                 // Neither the ears nor the time for which the line is left matter for who may send.
-                self.rule.ears = Ears::NEW;
+                self.rule.ears = SenderEars::NEW;
                 if fate == Fate::Stops && self.rule.role() == LineRole::Listening {
                     return Out::Stop;
                 }
@@ -469,7 +502,7 @@ fn in_every_order_of_events_at_most_one_may_send() {
     let shortest = StandbyTimes::shortest(&timing(9600), MS(300));
     for ranks in [[0, 1], [0, 0]] {
         let node = |rank| {
-            let mut rule = Standby::new(shortest.with(None, rank), 1);
+            let mut rule = StandbyRule::new(shortest.with(None, rank), 1);
             rule.port_opened(MonoTime::from_millis(10_000));
             Node {
                 rule,
@@ -531,14 +564,14 @@ fn hear(pair: &mut [Node; 2], sent: [Out; 2], fates: [Fate; 2]) {
         // A random wait is as short or as long as it can be.
         let now = pair[to].now;
         match &mut pair[to].rule.state {
-            State::Listening { extra, .. } => {
+            SendState::Listening { extra, .. } => {
                 *extra = if *extra >= TIE_BREAK / 2 {
                     TIE_BREAK
                 } else {
                     Duration::ZERO
                 };
             }
-            State::Claiming { at, .. } if *at > now => {
+            SendState::Claiming { at, .. } if *at > now => {
                 *at = if at.since(now) >= CONTEND_WAIT / 2 {
                     now + CONTEND_WAIT
                 } else {

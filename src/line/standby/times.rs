@@ -1,6 +1,6 @@
 //! The times of the rule on one line: what is safe there, and how they differ by rank.
 
-use crate::line::timing::Timing;
+use crate::line::timing::LineTiming;
 use crate::wire::framing;
 use std::time::Duration;
 
@@ -72,7 +72,7 @@ impl StandbyTimes {
     /// The shortest safe times at rank 0 on a line with this `timing`, where no exchange lasts longer than
     /// `longest_exchange`.
     #[must_use]
-    pub fn shortest(timing: &Timing, longest_exchange: Duration) -> Self {
+    pub fn shortest(timing: &LineTiming, longest_exchange: Duration) -> Self {
         let silent_at_most = SILENT_AT_LEAST.max(longest_exchange.max(SIGNAL_AFTER) + SLACK);
         let frame = timing.on_wire(framing::max_adu_bytes(timing.framing));
         let needed = silent_at_most + silent_at_most / DRIFT + HAND_OVER_MAX + frame + HELD_BACK;

@@ -1,16 +1,16 @@
 //! Takes frames out of the received data and classifies them.
 
-use super::super::exchange::{Ending, Exchange, answer_in};
-use super::Wire;
+use super::super::exchange::{Exchange, ExchangeEnding, answer_in};
+use super::LineWire;
 use crate::domain::ids::Station;
 use crate::domain::traffic::TrafficKind;
 use crate::wire::frame::FoundFrame;
 use crate::wire::{framing, pdu};
 
-impl Wire {
+impl LineWire {
     /// Removes the frames from the received data. `is_over`: silence has followed. Returns how the open exchange ended,
     /// if it did.
-    pub(super) fn take_frames(&mut self, is_over: bool) -> Option<(Exchange, Ending)> {
+    pub(super) fn take_frames(&mut self, is_over: bool) -> Option<(Exchange, ExchangeEnding)> {
         let mut ended = None;
         while let Some(found) = self.next_frame(is_over) {
             self.note_noise(found.noise);
@@ -20,7 +20,7 @@ impl Wire {
                 .into_iter()
                 .for_each(|id| self.transactions.answered(id));
             self.note(kind, found.adu);
-            if let Some(Ending::Exception(code)) = ending
+            if let Some(ExchangeEnding::Exception(code)) = ending
                 && !self.assembler.sees_ends()
                 && !is_over
             {
@@ -69,7 +69,7 @@ impl Wire {
     }
 
     /// Classifies a sound frame: our answer, another station's or master's, or one that is late.
-    fn judge(&self, adu: &[u8]) -> (TrafficKind, Option<Ending>) {
+    fn judge(&self, adu: &[u8]) -> (TrafficKind, Option<ExchangeEnding>) {
         let frame = framing::decode(self.timing.framing, adu);
         let Some((station, pdu)) = frame else {
             return (TrafficKind::Noise, None);

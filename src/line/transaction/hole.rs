@@ -1,11 +1,11 @@
 //! A pause in the middle of a reply.
 
-use super::super::exchange::{Ending, Exchange};
+use super::super::exchange::{Exchange, ExchangeEnding};
 use super::super::timing::ADAPTER_HOLE;
-use super::Wire;
+use super::LineWire;
 use crate::domain::time::MonoTime;
 
-impl Wire {
+impl LineWire {
     /// `count` bytes were read at `now`. If the pause before them is longer than any adapter inserts, the data before it
     /// is complete: a truncated reply and the end of another one long after it are not a frame, even if the CRC matches.
     /// Returns how the open exchange ended, if it did.
@@ -13,7 +13,7 @@ impl Wire {
         &mut self,
         now: MonoTime,
         count: usize,
-    ) -> Option<(Exchange, Ending)> {
+    ) -> Option<(Exchange, ExchangeEnding)> {
         let hole = now
             .before(self.timing.on_wire(count))
             .since(self.last_byte_at);

@@ -6,8 +6,8 @@ use super::*;
 use crate::wire::pdu::Reply;
 use crate::wire::rtu;
 
-fn wire() -> Wire {
-    Wire::new(N700, MonoTime::ZERO)
+fn wire() -> LineWire {
+    LineWire::new(N700, MonoTime::ZERO)
 }
 
 fn frame(station: u8, pdu: &[u8]) -> Vec<u8> {
@@ -37,7 +37,7 @@ fn read() -> Exchange {
 
 const SENT: MonoTime = MonoTime::from_millis(5);
 
-fn sent(exchange: Exchange) -> Wire {
+fn sent(exchange: Exchange) -> LineWire {
     let mut wire = wire();
     wire.send(SENT, exchange, &mut Vec::new());
     wire
@@ -56,7 +56,7 @@ fn silence_counts_from_the_later_of_last_byte_and_own_end() {
     let ended = wire.receive(at, &frame(1, &[3, 2, 0x17, 0x70]));
     assert_eq!(
         ended,
-        Some((read(), Ending::Reply(Reply::Words(vec![6000]))))
+        Some((read(), ExchangeEnding::Reply(Reply::Words(vec![6000]))))
     );
     assert_eq!(wire.may_send_from(), at + Duration::from_nanos(4_687_500));
 }
@@ -93,7 +93,7 @@ fn a_silent_station_ends_at_the_time_out_and_not_before() {
         SENT + Duration::from_nanos(8_333_334 + 300_000_000 + 7_291_667)
     );
     assert_eq!(wire.pass(due.before(Duration::from_nanos(1))), None);
-    assert_eq!(wire.pass(due), Some((read(), Ending::Silent)));
+    assert_eq!(wire.pass(due), Some((read(), ExchangeEnding::Silent)));
 }
 
 #[test]
@@ -133,7 +133,7 @@ fn bytes_in_the_shape_of_the_reply_end_nothing_before_its_time_is_over() {
         (Some(end), Some(due))
     );
     assert_eq!(wire.pass(end), None);
-    assert_eq!(wire.pass(due), Some((read(), Ending::Garbled)));
+    assert_eq!(wire.pass(due), Some((read(), ExchangeEnding::Garbled)));
 }
 
 #[test]
@@ -162,7 +162,7 @@ fn a_cut_reply_is_waited_for_and_then_counts_as_missing() {
     );
     assert_eq!(
         wire.pass(wire.wake_at().unwrap()),
-        Some((read(), Ending::Silent))
+        Some((read(), ExchangeEnding::Silent))
     );
 }
 
@@ -177,7 +177,7 @@ fn a_reply_that_comes_in_at_the_due_moment_is_let_in() {
     );
     assert_eq!(wire.pass(due), None);
     let ended = wire.receive(due + Duration::from_micros(200), &reply[6..]);
-    assert!(matches!(ended, Some((_, Ending::Reply(_)))));
+    assert!(matches!(ended, Some((_, ExchangeEnding::Reply(_)))));
 }
 
 #[test]
@@ -188,7 +188,7 @@ fn babble_cannot_hold_an_exchange_open() {
         at = at + Duration::from_millis(1);
         wire.receive(at, &[0x55]);
         if let Some(ended) = wire.pass(at) {
-            assert_eq!(ended, (read(), Ending::Silent));
+            assert_eq!(ended, (read(), ExchangeEnding::Silent));
             break;
         }
         assert!(at < MonoTime::from_millis(700));
@@ -210,14 +210,14 @@ fn an_exception_counts_once_silence_follows_it() {
         assert_eq!(wire.wake_at(), Some(at + silence));
         (due.unwrap(), wire.pass(at + silence), wire)
     };
-    assert_eq!(refused(&[]).1, Some((read(), Ending::Exception(2))));
+    assert_eq!(refused(&[]).1, Some((read(), ExchangeEnding::Exception(2))));
     let (due, ended, mut wire) = refused(&[0x17, 0x70]);
     assert_eq!(
         (ended, wire.wake_at()),
         (None, Some(due)),
         "the reply may still come"
     );
-    assert_eq!(wire.pass(due), Some((read(), Ending::Garbled)));
+    assert_eq!(wire.pass(due), Some((read(), ExchangeEnding::Garbled)));
     let (_, _, mut wire) = refused(&[0x17, 0x70]);
     assert!(
         wire.receive(at + silence * 2, &frame(1, &[3, 2, 0x17, 0x70]))
@@ -255,14 +255,14 @@ fn a_sound_frame_that_the_reply_may_begin_inside_of_counts_only_with_silence_aft
     let words = vec![u16::from_be_bytes([high, 7]), 9];
     assert_eq!(
         ended,
-        Some((two_words(), Ending::Reply(Reply::Words(words))))
+        Some((two_words(), ExchangeEnding::Reply(Reply::Words(words))))
     );
     // A reply that only looks like that is accepted once silence has followed.
     let mut wire = sent(two_words());
     assert_eq!(wire.receive(at, &cut), None);
     assert!(matches!(
         wire.pass(at + N700.silence),
-        Some((_, Ending::Reply(_)))
+        Some((_, ExchangeEnding::Reply(_)))
     ));
 }
 

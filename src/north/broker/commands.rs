@@ -3,13 +3,13 @@
 
 use crate::domain::address::Address;
 use crate::domain::command::{
-    CommandRequest, Manner, Order, Origin, Outcome, Owner, Reason, Report, Rights,
+    CommandRequest, Order, OrderManner, Origin, Outcome, Owner, Reason, Report, Rights,
 };
 use crate::domain::ids::{AskerId, Ticket};
 use crate::domain::native::{NativeAsk, NativeRequest};
 use crate::domain::time::MonoTime;
 use crate::drive::description::{DriveDescription, DriveRef};
-use crate::journal::{Attempt, AttemptId, Tried};
+use crate::journal::{AttemptId, TriedWrite, WriteAttempt};
 use crate::profile::scale::setpoint_step;
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -41,7 +41,7 @@ pub enum ToLine {
 
 /// What was requested of a drive.
 #[derive(Clone, Debug, PartialEq)]
-pub(in crate::north) enum Request {
+pub(in crate::north) enum DriveRequest {
     /// A command.
     Order(Order),
     /// The register at this place in the drive's model.
@@ -50,12 +50,12 @@ pub(in crate::north) enum Request {
 
 /// A command or read that is not yet answered. `C` is what its session needs to answer it.
 #[derive(Clone, Debug, PartialEq)]
-pub(in crate::north) struct Pending<C> {
+pub(in crate::north) struct PendingRequest<C> {
     pub(in crate::north) ticket: Ticket,
     /// Place of the drive in the session's list.
     pub(in crate::north) drive: usize,
     pub(in crate::north) by: Owner,
-    pub(in crate::north) request: Request,
+    pub(in crate::north) request: DriveRequest,
     pub(in crate::north) context: C,
     place: DriveRef,
     /// When it is given up: long after the line must have answered.
@@ -92,20 +92,20 @@ pub(in crate::north) struct NewRead<C> {
 
 /// The commands of one broker.
 #[derive(Debug)]
-pub(in crate::north) struct Commands<C> {
+pub(in crate::north) struct BrokerCommands<C> {
     asker: AskerId,
     /// Messages for the lines, in order: path opened first, then stops. Bounded by the limits on unanswered requests.
     to_lines: VecDeque<ToLine>,
     /// Unanswered requests, oldest first.
-    unanswered: Vec<Pending<C>>,
+    unanswered: Vec<PendingRequest<C>>,
     /// Attempts that reach no line and have not been fetched, oldest first.
-    attempts: VecDeque<(Option<DriveRef>, Attempt)>,
+    attempts: VecDeque<(Option<DriveRef>, WriteAttempt)>,
     last_attempt: u64,
     attempts_lost: u64,
     last_ticket: u64,
 }
 
-impl<C> Commands<C> {
+impl<C> BrokerCommands<C> {
     /// Commands that the lines answer to `asker`.
     pub(in crate::north) const fn new(asker: AskerId) -> Self {
         Self {
@@ -136,7 +136,7 @@ impl<C> Commands<C> {
     }
 
     /// The next attempt for the journal.
-    pub(in crate::north) fn next_attempt(&mut self) -> Option<(Option<DriveRef>, Attempt)> {
+    pub(in crate::north) fn next_attempt(&mut self) -> Option<(Option<DriveRef>, WriteAttempt)> {
         self.attempts.pop_front()
     }
 
@@ -166,8 +166,7 @@ impl<C> Commands<C> {
 
     /// Stops have room of their own.
     pub(in crate::north) fn has_room_for_command(&self) -> bool {
-        let is_command =
-            |it: &&Pending<C>| matches!(&it.request, Request::Order(order) if !order.is_stop());
+        let is_command = |it: &&PendingRequest<C>| matches!(&it.request, DriveRequest::Order(order) if !order.is_stop());
         self.unanswered.iter().filter(is_command).count() < COMMANDS_MAX
     }
 
@@ -175,7 +174,7 @@ impl<C> Commands<C> {
     pub(in crate::north) fn has_room_for_read(&self) -> bool {
         self.unanswered
             .iter()
-            .filter(|it| matches!(it.request, Request::Read(_)))
+            .filter(|it| matches!(it.request, DriveRequest::Read(_)))
             .count()
             < READS_MAX
     }
@@ -211,8 +210,8 @@ impl<C> Commands<C> {
             epoch,
             trial: None,
         };
-        let request = Request::Order(order);
-        self.unanswered.push(Pending {
+        let request = DriveRequest::Order(order);
+        self.unanswered.push(PendingRequest {
             ticket,
             drive,
             by,
@@ -254,8 +253,8 @@ impl<C> Commands<C> {
             deadline,
         };
         let forget_at = deadline + ANSWERED_WITHIN;
-        let request = Request::Read(register);
-        self.unanswered.push(Pending {
+        let request = DriveRequest::Read(register);
+        self.unanswered.push(PendingRequest {
             ticket,
             drive,
             by,
@@ -284,9 +283,9 @@ impl<C> Commands<C> {
     pub(in crate::north) fn give_way_to_stop(
         &mut self,
         drive: usize,
-    ) -> Option<(Pending<C>, Report)> {
-        let waits = |pending: &&Pending<C>| {
-            let moves = matches!(&pending.request, Request::Order(it) if !it.is_stop() && *it != Order::Renew);
+    ) -> Option<(PendingRequest<C>, Report)> {
+        let waits = |pending: &&PendingRequest<C>| {
+            let moves = matches!(&pending.request, DriveRequest::Order(it) if !it.is_stop() && *it != Order::Renew);
             moves && pending.drive == drive && self.is_waiting(pending.ticket)
         };
         let waiting = self
@@ -301,8 +300,9 @@ impl<C> Commands<C> {
 
     /// The oldest stop of `drive`, if there is no room for one more.
     fn surplus_stop(&self, drive: usize) -> Option<Ticket> {
-        let is_its_stop = |it: &&Pending<C>| {
-            it.drive == drive && matches!(&it.request, Request::Order(order) if order.is_stop())
+        let is_its_stop = |it: &&PendingRequest<C>| {
+            it.drive == drive
+                && matches!(&it.request, DriveRequest::Order(order) if order.is_stop())
         };
         let mut stops = self.unanswered.iter().filter(is_its_stop);
         let oldest = stops.next()?.ticket;
@@ -310,7 +310,10 @@ impl<C> Commands<C> {
     }
 
     /// Takes one that should have been answered long ago.
-    pub(in crate::north) fn take_overdue(&mut self, at: MonoTime) -> Option<(Pending<C>, Report)> {
+    pub(in crate::north) fn take_overdue(
+        &mut self,
+        at: MonoTime,
+    ) -> Option<(PendingRequest<C>, Report)> {
         let overdue = self.unanswered.iter().find(|it| it.forget_at <= at)?;
         let report = Report::new(unanswered_outcome(&overdue.request), Reason::NoReply);
         self.give_up(overdue.ticket, report)
@@ -320,7 +323,7 @@ impl<C> Commands<C> {
     pub(in crate::north) fn take_gone(
         &mut self,
         moved: &[Option<usize>],
-    ) -> Option<(Pending<C>, Report)> {
+    ) -> Option<(PendingRequest<C>, Report)> {
         let gone = self
             .unanswered
             .iter()
@@ -346,12 +349,12 @@ impl<C> Commands<C> {
     }
 
     /// The request with this ticket.
-    pub(in crate::north) fn get(&self, ticket: Ticket) -> Option<&Pending<C>> {
+    pub(in crate::north) fn get(&self, ticket: Ticket) -> Option<&PendingRequest<C>> {
         self.unanswered.iter().find(|it| it.ticket == ticket)
     }
 
     /// Takes the request with this ticket because it was answered.
-    pub(in crate::north) fn take(&mut self, ticket: Ticket) -> Option<Pending<C>> {
+    pub(in crate::north) fn take(&mut self, ticket: Ticket) -> Option<PendingRequest<C>> {
         let place = self.unanswered.iter().position(|it| it.ticket == ticket)?;
         Some(self.unanswered.remove(place))
     }
@@ -360,7 +363,7 @@ impl<C> Commands<C> {
     pub(in crate::north) fn refused_by_line(
         &mut self,
         ticket: Ticket,
-    ) -> Option<(Pending<C>, Report)> {
+    ) -> Option<(PendingRequest<C>, Report)> {
         let pending = self.take(ticket)?;
         let report = Report::refused(Reason::QueueFull);
         self.account_for(&pending, report);
@@ -368,7 +371,7 @@ impl<C> Commands<C> {
     }
 
     /// Takes a request that ends with this outcome. If it is still queued here, no line records it.
-    fn give_up(&mut self, ticket: Ticket, report: Report) -> Option<(Pending<C>, Report)> {
+    fn give_up(&mut self, ticket: Ticket, report: Report) -> Option<(PendingRequest<C>, Report)> {
         let pending = self.take(ticket)?;
         if self.is_waiting(ticket) {
             self.to_lines.retain(|it| ticket_of(it) != Some(ticket));
@@ -381,8 +384,8 @@ impl<C> Commands<C> {
         self.to_lines.iter().any(|it| ticket_of(it) == Some(ticket))
     }
 
-    fn account_for(&mut self, pending: &Pending<C>, report: Report) {
-        if let Request::Order(order) = &pending.request {
+    fn account_for(&mut self, pending: &PendingRequest<C>, report: Report) {
+        if let DriveRequest::Order(order) = &pending.request {
             self.keep_attempt(Some(pending.place), pending.by, tried_by(order), report);
         }
     }
@@ -392,7 +395,7 @@ impl<C> Commands<C> {
         &mut self,
         place: Option<DriveRef>,
         owner: Owner,
-        tried: Option<Tried>,
+        tried: Option<TriedWrite>,
         report: Report,
     ) {
         let Some(tried) = tried else { return };
@@ -401,7 +404,7 @@ impl<C> Commands<C> {
             return;
         }
         self.last_attempt += 1;
-        let attempt = Attempt {
+        let attempt = WriteAttempt {
             id: AttemptId(self.last_attempt),
             owner,
             tried,
@@ -419,23 +422,23 @@ const fn origin(owner: Owner) -> Origin {
             write: true,
             stop: true,
         },
-        manner: Manner::Once,
+        manner: OrderManner::Once,
     }
 }
 
 /// What `order` attempts. Renewing a lease is no attempt.
-pub(in crate::north) fn tried_by(order: &Order) -> Option<Tried> {
-    (*order != Order::Renew).then(|| Tried::Order(order.clone()))
+pub(in crate::north) fn tried_by(order: &Order) -> Option<TriedWrite> {
+    (*order != Order::Renew).then(|| TriedWrite::Order(order.clone()))
 }
 
 /// A frequency outside the limits is refused, and the refusal names the limits; of one between two steps it names the step.
 pub(in crate::north) fn refused_frequency(
     description: &DriveDescription,
-    request: &Request,
+    request: &DriveRequest,
     report: Report,
 ) -> Option<String> {
     let control = description.control.as_ref()?;
-    let Request::Order(Order::Go(go)) = request else {
+    let DriveRequest::Order(Order::Go(go)) = request else {
         return None;
     };
     let frequency = go.frequency()?;
@@ -455,10 +458,10 @@ pub(in crate::north) fn refused_frequency(
 }
 
 /// The report on a request that no line has answered.
-const fn unanswered_outcome(request: &Request) -> Outcome {
+const fn unanswered_outcome(request: &DriveRequest) -> Outcome {
     match request {
-        Request::Order(_) => Outcome::Unknown,
-        Request::Read(_) => Outcome::Failed,
+        DriveRequest::Order(_) => Outcome::Unknown,
+        DriveRequest::Read(_) => Outcome::Failed,
     }
 }
 

@@ -9,8 +9,8 @@
 
 use crate::domain::command::Reason;
 use crate::domain::time::MonoTime;
-use crate::north::clock::Moment;
-use crate::north::command_words::Refused;
+use crate::north::clock::ClockMoment;
+use crate::north::command_words::RefusedCommand;
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -27,7 +27,7 @@ const TAKEN_MAX: usize = 1024;
 
 /// What is known about the clocks of the clients.
 #[derive(Debug, Default)]
-pub(in crate::north) struct Issued {
+pub(in crate::north) struct ClientClocks {
     /// The largest lead seen, in milliseconds, and when it was last seen.
     lead: Option<(i64, MonoTime)>,
     /// Moments that were too far ahead, newest last. They stay refused once that time is reached, so they have a list
@@ -39,7 +39,7 @@ pub(in crate::north) struct Issued {
 
 /// When one command was issued.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(in crate::north) struct Issue {
+pub(in crate::north) struct IssueTime {
     /// Its age, at least. No command is issued after its arrival.
     pub(in crate::north) age: Duration,
     /// The moment on our clock that counts against stops, trips and lost leases.
@@ -48,16 +48,20 @@ pub(in crate::north) struct Issue {
     pub(in crate::north) remark: Option<String>,
 }
 
-impl Issued {
+impl ClientClocks {
     /// Takes a command that arrived `at`, and was issued at `issued_at` in milliseconds since 1970.
     ///
     /// # Errors
     /// Its moment is too far ahead, or was when it first arrived.
-    pub(in crate::north) fn take(&mut self, at: Moment, issued_at: i64) -> Result<Issue, Refused> {
+    pub(in crate::north) fn take(
+        &mut self,
+        at: ClockMoment,
+        issued_at: i64,
+    ) -> Result<IssueTime, RefusedCommand> {
         let ahead_ms = issued_at.saturating_sub(at.wall.unix_ms);
         if ahead_ms > AHEAD_MAX_MS {
             self.remember_refused(issued_at);
-            return Err(Refused::new(
+            return Err(RefusedCommand::new(
                 Reason::ClockAhead,
                 format!("{}; at most 2 s are taken", ahead(ahead_ms)),
             ));
@@ -65,7 +69,7 @@ impl Issued {
         if self.refused.contains(&issued_at) {
             let why =
                 "this moment was refused before, when it was too far ahead of the gateway's clock";
-            return Err(Refused::new(Reason::ClockAhead, why));
+            return Err(RefusedCommand::new(Reason::ClockAhead, why));
         }
         let came_first = self.came_first(at.mono, issued_at);
         let known = self
@@ -77,7 +81,7 @@ impl Issued {
             self.lead = (lead > 0).then_some((lead, at.mono));
         }
         let remark = (ahead_ms >= TOLD_FROM_MS).then(|| ahead(ahead_ms));
-        Ok(Issue {
+        Ok(IssueTime {
             age: millis(ahead_ms.saturating_neg()).max(at.mono.since(came_first)),
             moment: at
                 .mono
@@ -130,27 +134,27 @@ mod tests {
 
     const EPOCH: i64 = 1_767_225_600_000;
 
-    fn at(millis: u64) -> Moment {
+    fn at(millis: u64) -> ClockMoment {
         let wall = WallTime {
             unix_ms: EPOCH + i64::try_from(millis).unwrap(),
         };
-        Moment {
+        ClockMoment {
             mono: MonoTime::from_millis(millis),
             wall,
         }
     }
 
-    fn reason(taken: Result<Issue, Refused>) -> Reason {
+    fn reason(taken: Result<IssueTime, RefusedCommand>) -> Reason {
         taken.expect_err("a refusal").reason
     }
 
     #[test]
     fn a_moment_in_the_past_is_what_it_says() {
-        let mut issued = Issued::default();
+        let mut issued = ClientClocks::default();
         let issue = issued.take(at(50_000), EPOCH + 49_000).unwrap();
         assert_eq!(
             issue,
-            Issue {
+            IssueTime {
                 age: Duration::from_secs(1),
                 moment: at(49_000).mono,
                 remark: None
@@ -162,7 +166,7 @@ mod tests {
     #[test]
     fn a_moment_ahead_counts_as_now_and_comes_again_as_that_one() {
         for ahead in [1, 500, 2_000] {
-            let mut issued = Issued::default();
+            let mut issued = ClientClocks::default();
             let first = issued.take(at(50_000), EPOCH + 50_000 + ahead).unwrap();
             assert_eq!(
                 (first.age, first.moment),
@@ -187,7 +191,7 @@ mod tests {
 
     #[test]
     fn a_moment_too_far_ahead_is_refused_with_the_difference_and_stays_refused() {
-        let mut issued = Issued::default();
+        let mut issued = ClientClocks::default();
         let far = issued.take(at(50_000), EPOCH + 100_000).unwrap_err();
         assert_eq!(far.reason, Reason::ClockAhead);
         assert!(far.message.contains("50.0 s ahead"), "{}", far.message);
@@ -212,7 +216,7 @@ mod tests {
 
     #[test]
     fn a_refused_moment_stays_refused_however_many_commands_come_in_between() {
-        let mut issued = Issued::default();
+        let mut issued = ClientClocks::default();
         assert_eq!(
             reason(issued.take(at(50_000), EPOCH + 100_000)),
             Reason::ClockAhead
@@ -235,8 +239,8 @@ mod tests {
 
     #[test]
     fn a_moment_that_comes_again_is_no_younger_where_the_clock_was_set_back() {
-        let mut issued = Issued::default();
-        let set_back = |millis| Moment {
+        let mut issued = ClientClocks::default();
+        let set_back = |millis| ClockMoment {
             wall: at(millis - 24_500).wall,
             ..at(millis)
         };
@@ -256,7 +260,7 @@ mod tests {
 
     #[test]
     fn what_is_remembered_of_clocks_is_bounded_and_forgotten() {
-        let mut issued = Issued::default();
+        let mut issued = ClientClocks::default();
         for number in 0..2_000 {
             assert!(issued.take(at(0), EPOCH + 1_000_000 + number).is_err());
         }

@@ -11,11 +11,14 @@ mod types;
 pub(in crate::north) use commands::ATTEMPTS_MAX;
 pub use commands::ToLine;
 pub(in crate::north) use commands::{
-    Commands, NewCommand, NewRead, Pending, Request, refused_frequency, tried_by,
+    BrokerCommands, DriveRequest, NewCommand, NewRead, PendingRequest, refused_frequency, tried_by,
 };
-pub(in crate::north) use issued::Issued;
-pub use oversized::Oversized;
+pub(in crate::north) use issued::ClientClocks;
+pub use oversized::OversizedPublication;
 pub(in crate::north) use oversized::OversizedTopics;
 pub use path::unnoticed;
-pub(in crate::north) use path::{Path, Returned};
-pub use types::{Broker, Event, Filter, LineState, Message, Publication, Qos, Refusal, Version};
+pub(in crate::north) use path::{BrokerPath, ReturnedProbe};
+pub use types::{
+    BrokerEvent, BrokerLimits, BrokerMessage, MqttVersion, Publication, PublicationRefusal, Qos,
+    SessionLine, SubscriptionFilter,
+};

@@ -2,7 +2,7 @@
 
 /// A publication that is larger than the broker takes.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Oversized {
+pub struct OversizedPublication {
     /// Its topic.
     pub topic: String,
     /// Bytes of its packet, at most.
@@ -17,7 +17,7 @@ const TOPICS_MAX: usize = 64;
 /// The topics that are not published at present, each once.
 #[derive(Debug, Default)]
 pub(in crate::north) struct OversizedTopics {
-    all: Vec<Oversized>,
+    all: Vec<OversizedPublication>,
     /// Topics that were taken by [`next_untold`](Self::next_untold) on this connection: a document whose size swings
     /// around the limit is reported once.
     told: Vec<String>,
@@ -25,7 +25,7 @@ pub(in crate::north) struct OversizedTopics {
 
 impl OversizedTopics {
     /// Adds a publication, in place of an earlier one on its topic.
-    pub(in crate::north) fn add(&mut self, it: Oversized) {
+    pub(in crate::north) fn add(&mut self, it: OversizedPublication) {
         let has_room = self.all.len() < TOPICS_MAX;
         match self.all.iter_mut().find(|known| known.topic == it.topic) {
             Some(known) => *known = it,
@@ -48,12 +48,12 @@ impl OversizedTopics {
     }
 
     /// All of them.
-    pub(in crate::north) fn all(&self) -> &[Oversized] {
+    pub(in crate::north) fn all(&self) -> &[OversizedPublication] {
         &self.all
     }
 
     /// One that was not returned yet. However often a topic is left out, it is returned once on each connection.
-    pub(in crate::north) fn next_untold(&mut self) -> Option<Oversized> {
+    pub(in crate::north) fn next_untold(&mut self) -> Option<OversizedPublication> {
         let new = self
             .all
             .iter()
@@ -71,8 +71,8 @@ impl OversizedTopics {
 mod tests {
     use super::*;
 
-    fn of(topic: &str, bytes: usize) -> Oversized {
-        Oversized {
+    fn oversized(topic: &str, bytes: usize) -> OversizedPublication {
+        OversizedPublication {
             topic: topic.to_owned(),
             bytes,
             limit: 2_000,
@@ -83,10 +83,13 @@ mod tests {
     fn each_topic_is_named_once_on_each_connection() {
         let mut list = OversizedTopics::default();
         for bytes in [2_500, 2_600] {
-            list.add(of("state", bytes));
+            list.add(oversized("state", bytes));
         }
-        list.add(of("info", 3_000));
-        assert_eq!(list.all(), [of("state", 2_600), of("info", 3_000)]);
+        list.add(oversized("info", 3_000));
+        assert_eq!(
+            list.all(),
+            [oversized("state", 2_600), oversized("info", 3_000)]
+        );
         let mut told = || {
             std::iter::from_fn(|| list.next_untold())
                 .map(|it| it.topic)
@@ -97,18 +100,18 @@ mod tests {
             (vec!["state".to_owned(), "info".to_owned()], vec![])
         );
         list.published("state");
-        assert_eq!(list.all(), [of("info", 3_000)]);
-        list.add(of("state", 2_700));
+        assert_eq!(list.all(), [oversized("info", 3_000)]);
+        list.add(oversized("state", 2_700));
         assert_eq!(
             (list.all().len(), list.next_untold()),
             (2, None),
             "its size swings around the limit"
         );
         list.forget();
-        list.add(of("state", 2_800));
+        list.add(oversized("state", 2_800));
         assert_eq!(
             (list.all().len(), list.next_untold()),
-            (1, Some(of("state", 2_800))),
+            (1, Some(oversized("state", 2_800))),
             "the next connection"
         );
     }
@@ -117,7 +120,7 @@ mod tests {
     fn it_is_bounded() {
         let mut list = OversizedTopics::default();
         for number in 0..1_000 {
-            list.add(of(&number.to_string(), 3_000));
+            list.add(oversized(&number.to_string(), 3_000));
         }
         assert_eq!(
             (

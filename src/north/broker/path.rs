@@ -6,7 +6,7 @@
 //! the latest when the next probe is overdue: after [`unnoticed`].
 
 use crate::domain::time::MonoTime;
-use crate::north::seal::Seal;
+use crate::north::seal::SecretSeal;
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -31,7 +31,7 @@ pub const fn unnoticed(interval: Duration) -> Duration {
 
 /// State of the connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Phase {
+enum PathPhase {
     /// No connection.
     Down,
     /// Accepted by the broker; the subscription is still to be requested.
@@ -50,7 +50,7 @@ enum Phase {
 
 /// What a returned probe means.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::north) enum Returned {
+pub(in crate::north) enum ReturnedProbe {
     /// The path is open.
     Ours,
     /// It is a probe of another connection or another gateway.
@@ -59,12 +59,12 @@ pub(in crate::north) enum Returned {
 
 /// The connection and its probe.
 #[derive(Debug)]
-pub(in crate::north) struct Path {
+pub(in crate::north) struct BrokerPath {
     interval: Duration,
     timeout: Duration,
     /// Marks the probes of this session, so that no peer can forge one.
-    seal: Seal,
-    phase: Phase,
+    seal: SecretSeal,
+    phase: PathPhase,
     /// Number of the last probe sent.
     sent: u64,
     /// Probes up to this number have returned, or belong to an earlier connection.
@@ -78,7 +78,7 @@ pub(in crate::north) struct Path {
     /// The usual time from the moment at which a probe is due to its return.
     usual: Duration,
     /// Why what arrives may have been delayed.
-    stall: Option<Stall>,
+    stall: Option<PathStall>,
     /// When the first probe returned on this connection.
     opened_at: Option<MonoTime>,
     /// How long the path has to be open without interruption before it counts as a heartbeat again.
@@ -87,7 +87,7 @@ pub(in crate::north) struct Path {
 
 /// Why what arrives may have been delayed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Stall {
+struct PathStall {
     /// Ends when the probe with this number, or a later one, has returned in time.
     until: u64,
     /// How long the process was suspended.
@@ -96,14 +96,14 @@ struct Stall {
     is_of_the_way: bool,
 }
 
-impl Path {
+impl BrokerPath {
     /// A path that is not connected. `probe_key` is random, and used by this session only.
     pub(in crate::north) fn new(probe_key: u128, interval: Duration, timeout: Duration) -> Self {
         Self {
             interval,
             timeout,
-            seal: Seal::new(probe_key),
-            phase: Phase::Down,
+            seal: SecretSeal::new(probe_key),
+            phase: PathPhase::Down,
             sent: 0,
             settled: 0,
             next_probe: MonoTime::ZERO,
@@ -118,7 +118,7 @@ impl Path {
     }
 
     pub(in crate::north) fn connected(&mut self) {
-        self.reset(Phase::Connected);
+        self.reset(PathPhase::Connected);
     }
 
     /// The connection is lost. The next one counts as a heartbeat of the clients once it has lasted for one more probe;
@@ -132,10 +132,10 @@ impl Path {
                 self.interval / 2
             };
         }
-        self.reset(Phase::Down);
+        self.reset(PathPhase::Down);
     }
 
-    fn reset(&mut self, phase: Phase) {
+    fn reset(&mut self, phase: PathPhase) {
         self.phase = phase;
         self.settled = self.sent;
         self.missing_since = None;
@@ -144,7 +144,7 @@ impl Path {
         self.under_way.clear();
         self.usual = USUAL_MAX;
         // Even the answer to the subscription may have been delayed, and commands right after it.
-        self.stall = Some(Stall {
+        self.stall = Some(PathStall {
             until: self.sent + 1,
             stood: Duration::ZERO,
             is_of_the_way: true,
@@ -154,20 +154,20 @@ impl Path {
     /// The process was suspended for this long; [`Duration::MAX`]: the delay of what arrives now is unknown. It has
     /// missed what arrived, so nothing is overdue, and a probe is due.
     pub(in crate::north) fn stalled(&mut self, at: MonoTime, stood: Duration) {
-        let before = self.stall.unwrap_or(Stall {
+        let before = self.stall.unwrap_or(PathStall {
             until: 0,
             stood: Duration::ZERO,
             is_of_the_way: false,
         });
         let is_of_the_way = before.is_of_the_way || stood == Duration::MAX;
-        self.stall = Some(Stall {
+        self.stall = Some(PathStall {
             until: self.sent + 1,
             stood: before.stood.saturating_add(stood),
             is_of_the_way,
         });
         self.under_way.clear();
         self.probe_from(at);
-        if let Phase::Subscribing(since) = &mut self.phase {
+        if let PathPhase::Subscribing(since) = &mut self.phase {
             *since = at;
         }
     }
@@ -188,7 +188,7 @@ impl Path {
         let oldest = sent.unwrap_or(self.next_probe);
         if at.since(oldest) > self.usual + LATE {
             let stood = self.stall.map_or(Duration::ZERO, |stall| stall.stood);
-            self.stall = Some(Stall {
+            self.stall = Some(PathStall {
                 until: self.sent + 1,
                 stood,
                 is_of_the_way: true,
@@ -208,22 +208,22 @@ impl Path {
 
     /// Whether the subscription is to be requested now; once per connection.
     pub(in crate::north) fn take_subscription(&mut self, at: MonoTime) -> bool {
-        let is_due = self.phase == Phase::Connected;
+        let is_due = self.phase == PathPhase::Connected;
         if is_due {
-            self.phase = Phase::Subscribing(at);
+            self.phase = PathPhase::Subscribing(at);
         }
         is_due
     }
 
     /// The broker's answer to the subscription. True if the probe may be sent now.
     pub(in crate::north) fn subscribed(&mut self, at: MonoTime, is_granted: bool) -> bool {
-        if !matches!(self.phase, Phase::Subscribing(_)) {
+        if !matches!(self.phase, PathPhase::Subscribing(_)) {
             return false;
         }
         self.phase = if is_granted {
-            Phase::Granted
+            PathPhase::Granted
         } else {
-            Phase::GivingUp("the broker did not grant every subscription")
+            PathPhase::GivingUp("the broker did not grant every subscription")
         };
         self.next_probe = at;
         is_granted
@@ -264,13 +264,13 @@ impl Path {
     }
 
     /// A probe arrived.
-    pub(in crate::north) fn returned(&mut self, at: MonoTime, payload: &[u8]) -> Returned {
+    pub(in crate::north) fn returned(&mut self, at: MonoTime, payload: &[u8]) -> ReturnedProbe {
         let Some(number) = self.seal.number(payload) else {
-            return Returned::Foreign;
+            return ReturnedProbe::Foreign;
         };
         let is_awaited = (self.settled + 1..=self.sent).contains(&number);
         if !is_awaited || !self.is_granted() {
-            return Returned::Foreign;
+            return ReturnedProbe::Foreign;
         }
         self.look(at);
         self.settled = number;
@@ -293,8 +293,8 @@ impl Path {
         self.missing_since = (number < self.sent).then_some(at);
         self.last_return = Some(at);
         self.opened_at.get_or_insert(at);
-        self.phase = Phase::Open;
-        Returned::Ours
+        self.phase = PathPhase::Open;
+        ReturnedProbe::Ours
     }
 
     /// Takes the round trip of a probe that was due at this moment. It is usual only up to a bound.
@@ -310,7 +310,7 @@ impl Path {
             return false;
         }
         let is_probe = self.is_granted();
-        self.phase = Phase::GivingUp(if is_probe {
+        self.phase = PathPhase::GivingUp(if is_probe {
             "the probe did not come back"
         } else {
             "the broker did not answer the subscription"
@@ -320,21 +320,21 @@ impl Path {
 
     /// The reason for which a new connection is to be requested; returned once.
     pub(in crate::north) fn take_reconnect(&mut self) -> Option<&'static str> {
-        let Phase::GivingUp(reason) = self.phase else {
+        let PathPhase::GivingUp(reason) = self.phase else {
             return None;
         };
-        self.phase = Phase::GivenUp;
+        self.phase = PathPhase::GivenUp;
         Some(reason)
     }
 
     /// Whether every filter is granted.
     pub(in crate::north) const fn is_granted(&self) -> bool {
-        matches!(self.phase, Phase::Granted | Phase::Open)
+        matches!(self.phase, PathPhase::Granted | PathPhase::Open)
     }
 
     /// Whether a probe has returned on this connection, and the connection is not given up.
     pub(in crate::north) fn is_open(&self) -> bool {
-        self.phase == Phase::Open
+        self.phase == PathPhase::Open
     }
 
     /// Whether a probe has returned no longer ago than it may be missing.
@@ -358,8 +358,8 @@ impl Path {
     /// When the connection is given up if nothing arrives.
     pub(in crate::north) fn overdue(&self) -> Option<MonoTime> {
         let since = match self.phase {
-            Phase::Subscribing(since) => Some(since),
-            Phase::Granted | Phase::Open => self.missing_since,
+            PathPhase::Subscribing(since) => Some(since),
+            PathPhase::Granted | PathPhase::Open => self.missing_since,
             _ => None,
         };
         since.map(|since| since + self.timeout)
@@ -376,8 +376,8 @@ mod tests {
         MonoTime::ZERO + SECOND * u32::try_from(seconds).unwrap()
     }
 
-    fn granted() -> Path {
-        let mut path = Path::new(7, SECOND * 5, SECOND * 15);
+    fn granted() -> BrokerPath {
+        let mut path = BrokerPath::new(7, SECOND * 5, SECOND * 15);
         path.connected();
         assert!(path.take_subscription(at(0)) && !path.take_subscription(at(0)));
         assert!(path.subscribed(at(1), true));
@@ -389,8 +389,8 @@ mod tests {
         let mut path = granted();
         let first = path.take_probe(at(1)).unwrap();
         assert_eq!(path.take_probe(at(1)), None);
-        let ours = Seal::new(7);
-        let another = Seal::new(8);
+        let ours = SecretSeal::new(7);
+        let another = SecretSeal::new(8);
         for foreign in [
             ours.text(2),
             ours.text(0),
@@ -401,17 +401,17 @@ mod tests {
         ] {
             assert_eq!(
                 path.returned(at(2), foreign.as_bytes()),
-                Returned::Foreign,
+                ReturnedProbe::Foreign,
                 "{foreign}"
             );
         }
-        assert_eq!(path.returned(at(2), b"\xFF"), Returned::Foreign);
+        assert_eq!(path.returned(at(2), b"\xFF"), ReturnedProbe::Foreign);
         assert!(!path.is_open());
-        assert_eq!(path.returned(at(2), &first), Returned::Ours);
+        assert_eq!(path.returned(at(2), &first), ReturnedProbe::Ours);
         assert!(path.is_open() && path.is_alive(at(2)));
         assert_eq!(
             path.returned(at(2), &first),
-            Returned::Foreign,
+            ReturnedProbe::Foreign,
             "each counts once"
         );
         path.lost(at(2));
@@ -420,7 +420,7 @@ mod tests {
         path.subscribed(at(3), true);
         assert_eq!(
             path.returned(at(3), &first),
-            Returned::Foreign,
+            ReturnedProbe::Foreign,
             "a probe of the connection before"
         );
     }
@@ -429,7 +429,7 @@ mod tests {
     fn the_next_probe_cannot_be_forged_from_those_before() {
         let mut path = granted();
         let first = path.take_probe(at(1)).unwrap();
-        assert_eq!(path.returned(at(1), &first), Returned::Ours);
+        assert_eq!(path.returned(at(1), &first), ReturnedProbe::Ours);
         let second = path.take_probe(at(6)).unwrap();
         // A peer that has read the first writes the second, which is still in flight.
         let first = String::from_utf8(first).unwrap();
@@ -438,13 +438,13 @@ mod tests {
             forged.replace_range(place..place + digit.len(), "2");
             assert_eq!(
                 path.returned(at(6), forged.as_bytes()),
-                Returned::Foreign,
+                ReturnedProbe::Foreign,
                 "{forged}"
             );
         }
         path.look(at(20));
         assert!(path.is_unproven(), "it is still overdue");
-        assert_eq!(path.returned(at(20), &second), Returned::Ours);
+        assert_eq!(path.returned(at(20), &second), ReturnedProbe::Ours);
     }
 
     #[test]
@@ -473,7 +473,7 @@ mod tests {
 
     #[test]
     fn a_filter_that_is_not_granted_gives_the_connection_up() {
-        let mut path = Path::new(7, SECOND, SECOND);
+        let mut path = BrokerPath::new(7, SECOND, SECOND);
         assert!(!path.subscribed(at(0), true), "not asked for");
         path.connected();
         path.take_subscription(at(0));
@@ -486,7 +486,7 @@ mod tests {
     /// trusted.
     fn run_through(interval: u64, trip: u64, stall: (u64, u64), run: u64) -> (u64, bool) {
         let ms = |millis: u64| MonoTime::from_millis(millis);
-        let mut path = Path::new(
+        let mut path = BrokerPath::new(
             7,
             Duration::from_millis(interval),
             Duration::from_secs(3600),
@@ -511,7 +511,7 @@ mod tests {
                 };
                 path.look(ms(now));
                 match what {
-                    Some(probe) => assert_eq!(path.returned(ms(now), &probe), Returned::Ours),
+                    Some(probe) => assert_eq!(path.returned(ms(now), &probe), ReturnedProbe::Ours),
                     None => return (now, !path.is_unproven()),
                 }
             }

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 /// Protocol version.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Version {
+pub enum MqttVersion {
     /// MQTT 3.1.1.
     V4,
     /// MQTT 5.
@@ -16,7 +16,7 @@ pub enum Version {
 
 /// What a broker stated when it accepted the connection.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Broker {
+pub struct BrokerLimits {
     /// Longest packet that it accepts, in bytes; `None` if it names no limit.
     pub maximum_packet_bytes: Option<usize>,
     /// Whether it keeps retained messages.
@@ -25,17 +25,17 @@ pub struct Broker {
 
 /// Something that happened on the connection.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Event<'a> {
+pub enum BrokerEvent<'a> {
     /// The broker accepted the connection.
-    Connected(Broker),
+    Connected(BrokerLimits),
     /// The broker answered the subscription: whether it granted each filter, in order.
     Subscribed(Vec<bool>),
     /// A message arrived.
-    Message(Message<'a>),
+    Message(BrokerMessage<'a>),
     /// The broker acknowledged the publication with this token.
     Acknowledged(u64),
     /// The broker refused the publication with this token (MQTT 5).
-    Refused(u64, Refusal),
+    Refused(u64, PublicationRefusal),
     /// The process was suspended for this long, or for an unknown time: what arrives from now on may have been delayed
     /// by it, until something sent after this event has returned.
     Stalled(Duration),
@@ -45,7 +45,7 @@ pub enum Event<'a> {
 
 /// Why a broker refused a publication.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Refusal {
+pub enum PublicationRefusal {
     /// It accepts no more for now, whatever it is.
     Full,
     /// It failed to take this one.
@@ -56,7 +56,7 @@ pub enum Refusal {
 
 /// A message from the broker.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Message<'a> {
+pub struct BrokerMessage<'a> {
     /// Its topic.
     pub topic: &'a str,
     /// Its payload.
@@ -75,7 +75,7 @@ pub struct Message<'a> {
 
 /// One filter of a subscription. The retain flag arrives as it was published (MQTT 5).
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Filter {
+pub struct SubscriptionFilter {
     /// The topic, with or without wildcards.
     pub path: String,
     /// The highest quality of service at which the broker delivers messages.
@@ -115,7 +115,7 @@ pub enum Qos {
 
 /// A line as the session shows it.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct LineState {
+pub struct SessionLine {
     /// Its name.
     pub name: Name,
     /// Its state and counters.

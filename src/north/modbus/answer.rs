@@ -1,13 +1,13 @@
 //! From the outcome of a request to the response PDU.
 
-use super::ask::Ask;
+use super::ask::ModbusRequest;
 use super::function as client;
 use crate::wire::exception;
 use crate::wire::pdu::{self, MAX_PDU_BYTES, function};
 
 /// The outcome of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Answer<'a> {
+pub enum ModbusAnswer<'a> {
     /// The words that were read: as many as were requested.
     Words(&'a [u16]),
     /// The bits that were read, the first in the lowest bit of the first byte: as many bytes as they need.
@@ -22,15 +22,15 @@ pub enum Answer<'a> {
 
 /// What a response must keep of its request.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Form {
+pub(super) struct ResponseForm {
     /// The requested function code; the response carries it.
     function: u8,
-    success: Success,
+    success: SuccessContent,
 }
 
 /// The content of the response to a successful request.
 #[derive(Clone, Copy, Debug)]
-enum Success {
+enum SuccessContent {
     /// As many words as were requested.
     Words(u16),
     /// As many bits as were requested.
@@ -45,7 +45,7 @@ enum Success {
 
 /// What follows the function code in a response that is not an exception.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Body<'a> {
+pub(super) enum ResponseBody<'a> {
     /// Byte count and words.
     Words(&'a [u16]),
     /// Byte count and bits, each 0 or 1 in a word of its own.
@@ -60,24 +60,30 @@ pub(super) enum Body<'a> {
     Identity(&'a [u8]),
 }
 
-impl Form {
+impl ResponseForm {
     /// The form of the answer to `ask`.
-    pub(super) fn of(ask: &Ask) -> Self {
+    pub(super) fn of(ask: &ModbusRequest) -> Self {
         let success = match ask {
-            Ask::ReadBits { count, .. } => Success::Bits(*count),
-            Ask::ReadWords { count, .. }
-            | Ask::ReadWriteWords {
+            ModbusRequest::ReadBits { count, .. } => SuccessContent::Bits(*count),
+            ModbusRequest::ReadWords { count, .. }
+            | ModbusRequest::ReadWriteWords {
                 read_count: count, ..
-            } => Success::Words(*count),
-            Ask::LoopTest { data } => Success::Echo([0, *data]),
-            Ask::WriteCoil { address, on } => {
-                Success::Echo([*address, if *on { client::COIL_ON } else { 0 }])
+            } => SuccessContent::Words(*count),
+            ModbusRequest::LoopTest { data } => SuccessContent::Echo([0, *data]),
+            ModbusRequest::WriteCoil { address, on } => {
+                SuccessContent::Echo([*address, if *on { client::COIL_ON } else { 0 }])
             }
-            Ask::WriteWord { address, value } => Success::Echo([*address, *value]),
-            Ask::WriteCoils { address, values } => Success::Echo([*address, values.count()]),
-            Ask::WriteWords { address, values } => Success::Echo([*address, values.len() as u16]),
-            Ask::MaskWord { address, and, or } => Success::Mask([*address, *and, *or]),
-            Ask::Identify { .. } => Success::Identity,
+            ModbusRequest::WriteWord { address, value } => SuccessContent::Echo([*address, *value]),
+            ModbusRequest::WriteCoils { address, values } => {
+                SuccessContent::Echo([*address, values.count()])
+            }
+            ModbusRequest::WriteWords { address, values } => {
+                SuccessContent::Echo([*address, values.len() as u16])
+            }
+            ModbusRequest::MaskWord { address, and, or } => {
+                SuccessContent::Mask([*address, *and, *or])
+            }
+            ModbusRequest::Identify { .. } => SuccessContent::Identity,
         };
         Self {
             function: ask.function(),
@@ -88,38 +94,44 @@ impl Form {
     /// The response to the client, or the code of its exception.
     ///
     /// A response that does not fit the request would be false, so it becomes exception 04.
-    pub(super) fn judge<'a>(&self, answer: Answer<'a>) -> Result<Body<'a>, u8> {
+    pub(super) fn judge<'a>(&self, answer: ModbusAnswer<'a>) -> Result<ResponseBody<'a>, u8> {
         match (answer, self.success) {
-            (Answer::Exception(code), _) => Err(code),
-            (Answer::Words(words), Success::Words(count)) if words.len() == usize::from(count) => {
-                Ok(Body::Words(words))
+            (ModbusAnswer::Exception(code), _) => Err(code),
+            (ModbusAnswer::Words(words), SuccessContent::Words(count))
+                if words.len() == usize::from(count) =>
+            {
+                Ok(ResponseBody::Words(words))
             }
-            (Answer::Bits(bytes), Success::Bits(count))
+            (ModbusAnswer::Bits(bytes), SuccessContent::Bits(count))
                 if bytes.len() == usize::from(count.div_ceil(8)) =>
             {
-                Ok(Body::Bits { bytes, count })
+                Ok(ResponseBody::Bits { bytes, count })
             }
             // A drive's own bits come as words.
-            (Answer::Words(words), Success::Bits(count)) if words.len() == usize::from(count) => {
-                Ok(Body::EachBit(words))
+            (ModbusAnswer::Words(words), SuccessContent::Bits(count))
+                if words.len() == usize::from(count) =>
+            {
+                Ok(ResponseBody::EachBit(words))
             }
-            (Answer::Written, Success::Echo(words)) => Ok(Body::Echo(words)),
-            (Answer::Written, Success::Mask(words)) => Ok(Body::Mask(words)),
-            (Answer::Identity(bytes), Success::Identity) if bytes.len() < MAX_PDU_BYTES => {
-                Ok(Body::Identity(bytes))
+            (ModbusAnswer::Written, SuccessContent::Echo(words)) => Ok(ResponseBody::Echo(words)),
+            (ModbusAnswer::Written, SuccessContent::Mask(words)) => Ok(ResponseBody::Mask(words)),
+            (ModbusAnswer::Identity(bytes), SuccessContent::Identity)
+                if bytes.len() < MAX_PDU_BYTES =>
+            {
+                Ok(ResponseBody::Identity(bytes))
             }
             _ => Err(exception::SERVER_DEVICE_FAILURE),
         }
     }
 
     /// Appends the PDU of the answer to `out`.
-    pub(super) fn encode(&self, out: &mut Vec<u8>, result: Result<Body<'_>, u8>) {
+    pub(super) fn encode(&self, out: &mut Vec<u8>, result: Result<ResponseBody<'_>, u8>) {
         match result {
-            Ok(Body::Words(words)) => {
+            Ok(ResponseBody::Words(words)) => {
                 out.extend([self.function, (words.len() * 2) as u8]);
                 pdu::put_words(out, words);
             }
-            Ok(Body::EachBit(words)) => {
+            Ok(ResponseBody::EachBit(words)) => {
                 out.extend([self.function, words.len().div_ceil(8) as u8]);
                 let byte = |eight: &[u16]| {
                     eight
@@ -129,19 +141,19 @@ impl Form {
                 };
                 out.extend(words.chunks(8).map(byte));
             }
-            Ok(Body::Bits { bytes, count }) => {
+            Ok(ResponseBody::Bits { bytes, count }) => {
                 out.extend([self.function, bytes.len() as u8]);
                 put_bits(out, bytes, count);
             }
-            Ok(Body::Echo(words)) => {
+            Ok(ResponseBody::Echo(words)) => {
                 out.push(self.function);
                 pdu::put_words(out, &words);
             }
-            Ok(Body::Mask(words)) => {
+            Ok(ResponseBody::Mask(words)) => {
                 out.push(self.function);
                 pdu::put_words(out, &words);
             }
-            Ok(Body::Identity(bytes)) => {
+            Ok(ResponseBody::Identity(bytes)) => {
                 out.push(self.function);
                 out.extend_from_slice(bytes);
             }
@@ -170,8 +182,8 @@ mod tests {
     use super::super::request::parse;
     use super::*;
 
-    fn pdu(request: &[u8], answer: Answer<'_>) -> Vec<u8> {
-        let form = Form::of(&parse(request).unwrap());
+    fn pdu(request: &[u8], answer: ModbusAnswer<'_>) -> Vec<u8> {
+        let form = ResponseForm::of(&parse(request).unwrap());
         let mut out = Vec::new();
         form.encode(&mut out, form.judge(answer));
         out
@@ -181,26 +193,38 @@ mod tests {
 
     #[test]
     fn words_are_answered_with_the_function_of_the_request() {
-        let words = Answer::Words(&[6000, 1]);
+        let words = ModbusAnswer::Words(&[6000, 1]);
         assert_eq!(pdu(&READ_TWO, words), [3, 4, 0x17, 0x70, 0, 1]);
         assert_eq!(pdu(&[4, 1, 1, 0, 2], words), [4, 4, 0x17, 0x70, 0, 1]);
         assert_eq!(
             pdu(&[0x17, 1, 1, 0, 2, 0, 0, 0, 1, 2, 0, 1], words),
             [0x17, 4, 0x17, 0x70, 0, 1]
         );
-        assert_eq!(pdu(&[3, 0, 0, 0, 125], Answer::Words(&[7; 125])).len(), 252);
+        assert_eq!(
+            pdu(&[3, 0, 0, 0, 125], ModbusAnswer::Words(&[7; 125])).len(),
+            252
+        );
     }
 
     #[test]
     fn bits_are_answered_in_bytes_and_padded_with_zeros() {
-        assert_eq!(pdu(&[1, 0, 0, 0, 4], Answer::Bits(&[0xFF])), [1, 1, 0x0F]);
-        assert_eq!(pdu(&[2, 0, 0, 0, 8], Answer::Bits(&[0xFF])), [2, 1, 0xFF]);
         assert_eq!(
-            pdu(&[2, 0, 0, 0, 10], Answer::Bits(&[0x35, 0xFE])),
+            pdu(&[1, 0, 0, 0, 4], ModbusAnswer::Bits(&[0xFF])),
+            [1, 1, 0x0F]
+        );
+        assert_eq!(
+            pdu(&[2, 0, 0, 0, 8], ModbusAnswer::Bits(&[0xFF])),
+            [2, 1, 0xFF]
+        );
+        assert_eq!(
+            pdu(&[2, 0, 0, 0, 10], ModbusAnswer::Bits(&[0x35, 0xFE])),
             [2, 2, 0x35, 2]
         );
-        assert_eq!(pdu(&[1, 0, 0, 7, 0xD0], Answer::Bits(&[1; 250])).len(), 252);
-        let of_a_drive = Answer::Words(&[1, 0, 1, 0, 0, 0, 0, 0, 1]);
+        assert_eq!(
+            pdu(&[1, 0, 0, 7, 0xD0], ModbusAnswer::Bits(&[1; 250])).len(),
+            252
+        );
+        let of_a_drive = ModbusAnswer::Words(&[1, 0, 1, 0, 0, 0, 0, 0, 1]);
         assert_eq!(pdu(&[1, 0, 0, 0, 9], of_a_drive), [1, 2, 0b101, 1]);
     }
 
@@ -218,9 +242,9 @@ mod tests {
                 &[0x16, 0, 4, 0, 0xF2, 0, 0x25],
             ),
         ] {
-            assert_eq!(pdu(request, Answer::Written), answer);
+            assert_eq!(pdu(request, ModbusAnswer::Written), answer);
             assert_eq!(
-                pdu(request, Answer::Exception(0x0B)),
+                pdu(request, ModbusAnswer::Exception(0x0B)),
                 [request[0] | 0x80, 0x0B]
             );
         }
@@ -229,11 +253,11 @@ mod tests {
     #[test]
     fn an_identity_is_passed_on_as_it_is() {
         assert_eq!(
-            pdu(&[0x2B, 0x0E, 1, 0], Answer::Identity(&[0x0E, 1])),
+            pdu(&[0x2B, 0x0E, 1, 0], ModbusAnswer::Identity(&[0x0E, 1])),
             [0x2B, 0x0E, 1]
         );
         assert_eq!(
-            pdu(&[0x2B, 0x0E, 1, 0], Answer::Identity(&[0; 253])),
+            pdu(&[0x2B, 0x0E, 1, 0], ModbusAnswer::Identity(&[0; 253])),
             [0xAB, 4]
         );
     }
@@ -241,22 +265,25 @@ mod tests {
     #[test]
     fn an_answer_that_does_not_fit_is_never_passed_on() {
         for wrong in [
-            Answer::Words(&[6000]),
-            Answer::Words(&[0; 257]),
-            Answer::Bits(&[1]),
-            Answer::Written,
+            ModbusAnswer::Words(&[6000]),
+            ModbusAnswer::Words(&[0; 257]),
+            ModbusAnswer::Bits(&[1]),
+            ModbusAnswer::Written,
         ] {
             assert_eq!(pdu(&READ_TWO, wrong), [0x83, 4], "{wrong:?}");
         }
-        assert_eq!(pdu(&READ_TWO, Answer::Identity(&[])), [0x83, 4]);
-        assert_eq!(pdu(&[6, 0, 0, 0, 1], Answer::Words(&[1])), [0x86, 4]);
-        assert_eq!(pdu(&[1, 0, 0, 0, 9], Answer::Bits(&[1])), [0x81, 4]);
-        assert_eq!(pdu(&[2, 0, 0, 0, 9], Answer::Words(&[1, 1])), [0x82, 4]);
+        assert_eq!(pdu(&READ_TWO, ModbusAnswer::Identity(&[])), [0x83, 4]);
+        assert_eq!(pdu(&[6, 0, 0, 0, 1], ModbusAnswer::Words(&[1])), [0x86, 4]);
+        assert_eq!(pdu(&[1, 0, 0, 0, 9], ModbusAnswer::Bits(&[1])), [0x81, 4]);
         assert_eq!(
-            pdu(&[1, 0, 0, 0, 3], Answer::Words(&[1, 0, 1, 0])),
+            pdu(&[2, 0, 0, 0, 9], ModbusAnswer::Words(&[1, 1])),
+            [0x82, 4]
+        );
+        assert_eq!(
+            pdu(&[1, 0, 0, 0, 3], ModbusAnswer::Words(&[1, 0, 1, 0])),
             [0x81, 4]
         );
-        assert_eq!(pdu(&[0x2B, 0x0E, 1, 0], Answer::Written), [0xAB, 4]);
+        assert_eq!(pdu(&[0x2B, 0x0E, 1, 0], ModbusAnswer::Written), [0xAB, 4]);
     }
 
     #[test]
@@ -264,7 +291,7 @@ mod tests {
         for code in [1, 2, 3, 4, 6, 0x0A, 0x0B, 0x21] {
             for function in [1, 2, 3, 4] {
                 assert_eq!(
-                    pdu(&[function, 0, 0, 0, 1], Answer::Exception(code)),
+                    pdu(&[function, 0, 0, 0, 1], ModbusAnswer::Exception(code)),
                     [function | 0x80, code]
                 );
             }

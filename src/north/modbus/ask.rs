@@ -23,7 +23,7 @@ pub enum BitTable {
 
 /// A request that is valid in itself: quantities and byte counts are those of the standard, and no range passes 0xFFFF.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Ask {
+pub enum ModbusRequest {
     /// 01 and 02.
     ReadBits {
         /// Which.
@@ -66,7 +66,7 @@ pub enum Ask {
         /// First coil.
         address: u16,
         /// On or off, in order.
-        values: Bits,
+        values: PackedBits,
     },
     /// 10 hex.
     WriteWords {
@@ -104,7 +104,7 @@ pub enum Ask {
     },
 }
 
-impl Ask {
+impl ModbusRequest {
     /// Its function code.
     #[must_use]
     pub const fn function(&self) -> u8 {
@@ -151,12 +151,12 @@ impl Ask {
 
 /// Bits as in a frame: the first in the lowest bit of the first byte.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Bits {
+pub struct PackedBits {
     bytes: Vec<u8>,
     count: u16,
 }
 
-impl Bits {
+impl PackedBits {
     /// The first `count` bits in `bytes`; `None` unless there are exactly as many bytes as they need.
     #[must_use]
     pub fn new(bytes: &[u8], count: u16) -> Option<Self> {
@@ -186,7 +186,7 @@ mod tests {
 
     #[test]
     fn bits_begin_at_the_lowest_of_the_first_byte() {
-        let bits = Bits::new(&[0b1000_0001, 0b10], 9).unwrap();
+        let bits = PackedBits::new(&[0b1000_0001, 0b10], 9).unwrap();
         assert_eq!(bits.count(), 9);
         let found: Vec<_> = (0..10).map(|place| bits.get(place)).collect();
         let mut right = vec![Some(false); 9];
@@ -194,7 +194,7 @@ mod tests {
         right[7] = Some(true);
         right.push(None);
         assert_eq!(found, right, "padding is no bit");
-        assert_eq!(Bits::new(&[0], 9), None);
-        assert_eq!(Bits::new(&[0, 0], 8), None);
+        assert_eq!(PackedBits::new(&[0], 9), None);
+        assert_eq!(PackedBits::new(&[0, 0], 8), None);
     }
 }

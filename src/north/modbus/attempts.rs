@@ -1,9 +1,9 @@
 //! Attempts to write that reach no line: they are answered with an exception here. A line records those that reach it.
 
-use super::ask::Ask;
+use super::ask::ModbusRequest;
 use super::function as client;
 use crate::domain::command::{Reason, Report};
-use crate::journal::Tried;
+use crate::journal::TriedWrite;
 use crate::wire::exception;
 use std::fmt::Write;
 
@@ -13,7 +13,7 @@ pub struct UnsentAttempt {
     /// The unit that was addressed.
     pub unit: u8,
     /// What was tried.
-    pub tried: Tried,
+    pub tried: TriedWrite,
     /// Why it had no effect.
     pub report: Report,
 }
@@ -21,10 +21,10 @@ pub struct UnsentAttempt {
 /// How many words and bytes of one request are shown.
 const SHOWN_MAX: usize = 16;
 
-impl Ask {
+impl ModbusRequest {
     /// Text for what is attempted at `unit`, if it is not known to be an order or registers of a drive.
     #[must_use]
-    pub fn tried(&self, unit: u8) -> Tried {
+    pub fn tried(&self, unit: u8) -> TriedWrite {
         let mut text = format!("unit {unit}: function {:02X}", self.function());
         let at = |address: &u16| format!(" at {address}");
         text += &match self {
@@ -46,12 +46,12 @@ impl Ask {
                 format!("{}: and {and:04X}, or {or:04X}", at(address))
             }
         };
-        Tried::Text(text)
+        TriedWrite::Text(text)
     }
 }
 
 /// Text for what an invalid request attempts; `None` if its function does not write.
-pub(super) fn of_pdu(unit: u8, pdu: &[u8]) -> Option<Tried> {
+pub(super) fn of_pdu(unit: u8, pdu: &[u8]) -> Option<TriedWrite> {
     let code = *pdu.first()?;
     if !client::writes(code) {
         return None;
@@ -66,7 +66,7 @@ pub(super) fn of_pdu(unit: u8, pdu: &[u8]) -> Option<Tried> {
     } else {
         ""
     };
-    Some(Tried::Text(text))
+    Some(TriedWrite::Text(text))
 }
 
 /// Why an invalid request is answered with the exception `code`.
@@ -115,24 +115,27 @@ mod tests {
                 "unit 9: function 17 at 8: 3",
             ),
         ] {
-            assert_eq!(parse(pdu).unwrap().tried(9), Tried::Text(right.to_owned()));
+            assert_eq!(
+                parse(pdu).unwrap().tried(9),
+                TriedWrite::Text(right.to_owned())
+            );
         }
-        let long = Ask::WriteWords {
+        let long = ModbusRequest::WriteWords {
             address: 0,
             values: vec![0xFFFF; 123],
         }
         .tried(9);
-        assert!(matches!(long, Tried::Text(text) if text.len() < 140));
+        assert!(matches!(long, TriedWrite::Text(text) if text.len() < 140));
     }
 
     #[test]
     fn what_is_wrong_in_itself_is_shown_in_bytes() {
         assert_eq!(
             of_pdu(7, &[6, 0, 1]),
-            Some(Tried::Text("unit 7: bytes 06 00 01".to_owned()))
+            Some(TriedWrite::Text("unit 7: bytes 06 00 01".to_owned()))
         );
         assert_eq!(of_pdu(7, &[3, 0, 1]), None);
         assert_eq!(of_pdu(7, &[]), None);
-        assert!(matches!(of_pdu(7, &[0x10; 253]), Some(Tried::Text(text)) if text.len() < 70));
+        assert!(matches!(of_pdu(7, &[0x10; 253]), Some(TriedWrite::Text(text)) if text.len() < 70));
     }
 }

@@ -18,7 +18,7 @@ pub struct ReadBehind {
 
 /// A call whose commands are all answered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Ended {
+pub struct EndedCall {
     /// The call.
     pub call: Ticket,
     /// The worst outcome of its commands; `None`: all succeeded.
@@ -29,12 +29,12 @@ pub struct Ended {
 
 /// Which commands belong to which call. Bounded by the number of calls in flight.
 #[derive(Debug, Default)]
-pub struct Commands {
-    calls: Vec<Waiting>,
+pub struct CallCommands {
+    calls: Vec<WaitingCall>,
 }
 
 #[derive(Debug)]
-struct Waiting {
+struct WaitingCall {
     call: Ticket,
     deadline: MonoTime,
     /// Unanswered commands.
@@ -43,7 +43,7 @@ struct Waiting {
     read: Option<ReadBehind>,
 }
 
-impl Commands {
+impl CallCommands {
     /// Expects an answer to each of `out` for `call`, which expires at `deadline`. `worst` is its worst outcome so far:
     /// a command that could not be handed on. No answer is expected if `out` is empty.
     pub fn expect(
@@ -57,7 +57,7 @@ impl Commands {
     ) {
         self.calls.retain(|waiting| now < waiting.deadline);
         if !out.is_empty() {
-            self.calls.push(Waiting {
+            self.calls.push(WaitingCall {
                 call,
                 deadline,
                 out,
@@ -69,7 +69,7 @@ impl Commands {
 
     /// Takes an answer to a command. Returns the call that this answers, once the drive has answered each of its
     /// commands for the first time; what follows an acknowledgement is shown in the view.
-    pub fn take(&mut self, answer: &CommandAnswer) -> Option<Ended> {
+    pub fn take(&mut self, answer: &CommandAnswer) -> Option<EndedCall> {
         if !answer.is_final && answer.report.outcome != Outcome::Acknowledged {
             return None;
         }
@@ -83,10 +83,10 @@ impl Commands {
         if !waiting.out.is_empty() {
             return None;
         }
-        let Waiting {
+        let WaitingCall {
             call, worst, read, ..
         } = self.calls.swap_remove(place);
-        Some(Ended {
+        Some(EndedCall {
             call,
             exception: worst,
             read: if worst.is_none() { read } else { None },
@@ -119,7 +119,7 @@ mod tests {
 
     #[test]
     fn the_first_answer_ends_the_call_and_later_ones_are_nobodys() {
-        let mut commands = Commands::default();
+        let mut commands = CallCommands::default();
         let read = Some(ReadBehind {
             unit: 101,
             address: 0,
@@ -131,7 +131,7 @@ mod tests {
         let acknowledged = answer(7, Report::new(Outcome::Acknowledged, Reason::None), false);
         assert_eq!(
             commands.take(&acknowledged),
-            Some(Ended {
+            Some(EndedCall {
                 call: Ticket(7),
                 exception: None,
                 read
@@ -150,7 +150,7 @@ mod tests {
             (Report::new(Outcome::Expired, Reason::TooLate), 0x0B),
             (Report::new(Outcome::Superseded, Reason::Newer), 6),
         ] {
-            let mut commands = Commands::default();
+            let mut commands = CallCommands::default();
             let read = Some(ReadBehind {
                 unit: 101,
                 address: 0,
@@ -160,7 +160,7 @@ mod tests {
             let ended = commands.take(&answer(7, report, true));
             assert_eq!(
                 ended,
-                Some(Ended {
+                Some(EndedCall {
                     call: Ticket(7),
                     exception: Some(code),
                     read: None
@@ -172,7 +172,7 @@ mod tests {
 
     #[test]
     fn a_call_of_several_commands_ends_with_the_last_and_tells_the_worst() {
-        let mut commands = Commands::default();
+        let mut commands = CallCommands::default();
         commands.expect(
             T0,
             Ticket(7),
@@ -197,7 +197,7 @@ mod tests {
         );
         assert_eq!(
             commands.take(&done(8)),
-            Some(Ended {
+            Some(EndedCall {
                 call: Ticket(7),
                 exception: Some(4),
                 read: None
@@ -207,7 +207,7 @@ mod tests {
 
     #[test]
     fn what_is_never_answered_is_forgotten_with_its_call() {
-        let mut commands = Commands::default();
+        let mut commands = CallCommands::default();
         commands.expect(T0, Ticket(1), LATE, vec![Ticket(1)], None, None);
         commands.expect(
             LATE,

@@ -1,36 +1,36 @@
 //! One Modbus TCP client as a machine without a socket or a clock: bytes, answers and time go in; calls
 //! for units and bytes for the client come out.
 
-use super::answer::{self, Answer, Form};
-use super::ask::Ask;
+use super::answer::{self, ModbusAnswer, ResponseForm};
+use super::ask::ModbusRequest;
 use super::attempts::{self, UnsentAttempt};
-use super::counters::Counters;
-use super::limits::{CloseReason, Limits};
+use super::counters::ConnectionCounters;
+use super::limits::{CloseReason, ConnectionLimits};
 use super::{refusal, request};
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::ids::Ticket;
 use crate::domain::time::MonoTime;
-use crate::journal::Tried;
+use crate::journal::TriedWrite;
 use crate::wire::exception;
 use crate::wire::mbap;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// A request for a unit. It is finished by one [`Connection::answer`], or by exception 0B at its deadline.
+/// A request for a unit. It is finished by one [`ModbusConnection::answer`], or by exception 0B at its deadline.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Call {
+pub struct UnitCall {
     /// This connection's number for it; never reused.
     pub ticket: Ticket,
     /// The unit that the client addressed, not checked.
     pub unit: u8,
     /// The request.
-    pub ask: Ask,
-    /// When the client gets exception 0B if there is no answer yet; for a read maybe sooner, see [`Limits`].
+    pub ask: ModbusRequest,
+    /// When the client gets exception 0B if there is no answer yet; for a read maybe sooner, see [`ConnectionLimits`].
     pub deadline: MonoTime,
 }
 
 /// Whether a request to a unit orders a stop. This depends on the unit, so the owner supplies it.
-pub type IsStop<'a> = &'a dyn Fn(u8, &Ask) -> bool;
+pub type IsStop<'a> = &'a dyn Fn(u8, &ModbusRequest) -> bool;
 
 /// One client connection. Its owner moves bytes between it and the socket:
 ///
@@ -46,38 +46,38 @@ pub type IsStop<'a> = &'a dyn Fn(u8, &Ask) -> bool;
 /// Received bytes are parsed at once, so only the beginning of one message is ever kept. Bytes that arrive against
 /// `wants_input` are served too, until the output passes [`OUTPUT_MAX`](Self::OUTPUT_MAX).
 #[derive(Debug)]
-pub struct Connection {
-    limits: Limits,
+pub struct ModbusConnection {
+    limits: ConnectionLimits,
     /// The beginning of one message.
     input: Vec<u8>,
     /// When the first byte of `input` arrived.
     begun: Option<MonoTime>,
-    calls: VecDeque<Call>,
+    calls: VecDeque<UnitCall>,
     /// Requests in flight, oldest first.
-    pending: Vec<Pending>,
+    pending: Vec<PendingCall>,
     output: Vec<u8>,
     next_ticket: u64,
     /// When the last request arrived or the last call was finished.
     active: MonoTime,
     close: Option<CloseReason>,
-    counters: Counters,
+    counters: ConnectionCounters,
     /// Attempts to write that reach no line, oldest first.
     kept: VecDeque<UnsentAttempt>,
 }
 
 /// What the answer to a call needs.
 #[derive(Debug)]
-struct Pending {
+struct PendingCall {
     ticket: Ticket,
     deadline: MonoTime,
     transaction: u16,
     unit: u8,
-    form: Form,
+    form: ResponseForm,
     /// It is a stop that arrived while all places were taken.
     is_extra: bool,
 }
 
-impl Connection {
+impl ModbusConnection {
     /// No more input is read while more bytes than this are waiting to be written: the full answers to 16 requests.
     pub const OUTPUT_HIGH: usize = 16 * mbap::MAX_ADU_BYTES;
     /// Input that arrives while more bytes than this are waiting to be written closes the connection. It leaves room
@@ -90,7 +90,7 @@ impl Connection {
 
     /// A connection that was accepted at `now`. It allocates nothing before the first request.
     #[must_use]
-    pub fn new(limits: Limits, now: MonoTime) -> Self {
+    pub fn new(limits: ConnectionLimits, now: MonoTime) -> Self {
         Self {
             limits,
             input: Vec::new(),
@@ -101,7 +101,7 @@ impl Connection {
             next_ticket: 0,
             active: now,
             close: None,
-            counters: Counters::default(),
+            counters: ConnectionCounters::default(),
             kept: VecDeque::new(),
         }
     }
@@ -161,12 +161,12 @@ impl Connection {
     }
 
     /// The next request for a unit, in order of arrival.
-    pub fn next_call(&mut self) -> Option<Call> {
+    pub fn next_call(&mut self) -> Option<UnitCall> {
         self.calls.pop_front()
     }
 
     /// Answers a call. A ticket that is not pending (answered, expired, never issued) is ignored.
-    pub fn answer(&mut self, now: MonoTime, ticket: Ticket, answer: Answer<'_>) {
+    pub fn answer(&mut self, now: MonoTime, ticket: Ticket, answer: ModbusAnswer<'_>) {
         let Some(place) = self
             .pending
             .iter()
@@ -180,12 +180,18 @@ impl Connection {
 
     /// Refuses a call before it reaches a line: it is answered with the exception for `report`, and kept if it `tried`
     /// to write something.
-    pub fn refuse(&mut self, now: MonoTime, call: &Call, tried: Option<Tried>, report: Report) {
+    pub fn refuse(
+        &mut self,
+        now: MonoTime,
+        call: &UnitCall,
+        tried: Option<TriedWrite>,
+        report: Report,
+    ) {
         if let Some(tried) = tried {
-            self.keep(call.unit, tried, report);
+            self.keep_attempt(call.unit, tried, report);
         }
         let code = refusal::exception_for(&report).unwrap_or(exception::SERVER_DEVICE_FAILURE);
-        self.answer(now, call.ticket, Answer::Exception(code));
+        self.answer(now, call.ticket, ModbusAnswer::Exception(code));
     }
 
     /// The next attempt to write that reached no line. Each is returned once; at most [`KEPT_MAX`](Self::KEPT_MAX) are
@@ -194,7 +200,7 @@ impl Connection {
         self.kept.pop_front()
     }
 
-    fn keep(&mut self, unit: u8, tried: Tried, report: Report) {
+    fn keep_attempt(&mut self, unit: u8, tried: TriedWrite, report: Report) {
         if self.kept.len() < Self::KEPT_MAX {
             self.kept.push_back(UnsentAttempt {
                 unit,
@@ -207,9 +213,9 @@ impl Connection {
     }
 
     /// Keeps a request that was never handed out, if it writes.
-    fn keep_calls(&mut self, calls: impl Iterator<Item = Call>, report: Report) {
+    fn keep_calls(&mut self, calls: impl Iterator<Item = UnitCall>, report: Report) {
         for call in calls.filter(|call| call.ask.writes()) {
-            self.keep(call.unit, call.ask.tried(call.unit), report);
+            self.keep_attempt(call.unit, call.ask.tried(call.unit), report);
         }
     }
 
@@ -266,7 +272,7 @@ impl Connection {
             self.finish(
                 now,
                 &expired,
-                Answer::Exception(exception::GATEWAY_TARGET_FAILED),
+                ModbusAnswer::Exception(exception::GATEWAY_TARGET_FAILED),
             );
         }
         if self.body_due().is_some_and(|due| due <= now) {
@@ -288,7 +294,7 @@ impl Connection {
 
     /// What happened so far.
     #[must_use]
-    pub const fn counters(&self) -> &Counters {
+    pub const fn counters(&self) -> &ConnectionCounters {
         &self.counters
     }
 
@@ -316,7 +322,12 @@ impl Connection {
         }
     }
 
-    fn take_request(&mut self, now: MonoTime, message: &mbap::Message<'_>, is_stop: IsStop<'_>) {
+    fn take_request(
+        &mut self,
+        now: MonoTime,
+        message: &mbap::MbapMessage<'_>,
+        is_stop: IsStop<'_>,
+    ) {
         self.counters.requests += 1;
         self.active = now;
         match request::parse(message.pdu) {
@@ -328,7 +339,7 @@ impl Connection {
             }
             Ok(ask) => {
                 if ask.writes() {
-                    self.keep(
+                    self.keep_attempt(
                         message.unit,
                         ask.tried(message.unit),
                         Report::refused(Reason::QueueFull),
@@ -338,7 +349,7 @@ impl Connection {
             }
             Err(code) => {
                 if let Some(tried) = attempts::of_pdu(message.unit, message.pdu) {
-                    self.keep(
+                    self.keep_attempt(
                         message.unit,
                         tried,
                         Report::refused(attempts::reason_of(code)),
@@ -357,12 +368,18 @@ impl Connection {
             .any(|pending| pending.is_extra && pending.unit == unit)
     }
 
-    fn call(&mut self, now: MonoTime, message: &mbap::Message<'_>, ask: Ask, is_extra: bool) {
+    fn call(
+        &mut self,
+        now: MonoTime,
+        message: &mbap::MbapMessage<'_>,
+        ask: ModbusRequest,
+        is_extra: bool,
+    ) {
         let ticket = self.fresh_ticket();
         let deadline = now + self.limits.answer_within;
         let unit = message.unit;
-        let form = Form::of(&ask);
-        self.pending.push(Pending {
+        let form = ResponseForm::of(&ask);
+        self.pending.push(PendingCall {
             ticket,
             deadline,
             transaction: message.transaction,
@@ -376,7 +393,7 @@ impl Connection {
         } else {
             deadline.min(for_read)
         };
-        self.calls.push_back(Call {
+        self.calls.push_back(UnitCall {
             ticket,
             unit,
             ask,
@@ -384,14 +401,14 @@ impl Connection {
         });
     }
 
-    fn refuse_at_once(&mut self, message: &mbap::Message<'_>, code: u8) {
+    fn refuse_at_once(&mut self, message: &mbap::MbapMessage<'_>, code: u8) {
         self.counters.count_exception(code);
         mbap::encode(&mut self.output, message.transaction, message.unit, |out| {
             answer::encode_exception(out, message.pdu[0], code);
         });
     }
 
-    fn finish(&mut self, now: MonoTime, pending: &Pending, answer: Answer<'_>) {
+    fn finish(&mut self, now: MonoTime, pending: &PendingCall, answer: ModbusAnswer<'_>) {
         self.active = now;
         let result = pending.form.judge(answer);
         match result {
@@ -427,8 +444,10 @@ impl Connection {
 }
 
 fn release(buffer: &mut Vec<u8>) {
-    if buffer.capacity() > Connection::KEEP_BYTES && buffer.len() <= Connection::KEEP_BYTES {
-        buffer.shrink_to(Connection::KEEP_BYTES);
+    if buffer.capacity() > ModbusConnection::KEEP_BYTES
+        && buffer.len() <= ModbusConnection::KEEP_BYTES
+    {
+        buffer.shrink_to(ModbusConnection::KEEP_BYTES);
     }
 }
 
@@ -436,13 +455,13 @@ fn release(buffer: &mut Vec<u8>) {
 mod tests {
     use super::*;
     use crate::north::modbus::ask::WordTable;
-    use crate::wire::mbap::Malformed;
+    use crate::wire::mbap::MalformedStream;
     use proptest::prelude::*;
 
     const T0: MonoTime = MonoTime::from_millis(1_000);
 
-    fn connection() -> Connection {
-        Connection::new(Limits::default(), T0)
+    fn connection() -> ModbusConnection {
+        ModbusConnection::new(ConnectionLimits::default(), T0)
     }
 
     fn message(transaction: u16, unit: u8, pdu: &[u8]) -> Vec<u8> {
@@ -461,15 +480,15 @@ mod tests {
         T0 + Duration::from_millis(millis)
     }
 
-    const ONE: Answer<'_> = Answer::Words(&[1]);
+    const ONE: ModbusAnswer<'_> = ModbusAnswer::Words(&[1]);
 
-    fn never(_: u8, _: &Ask) -> bool {
+    fn never(_: u8, _: &ModbusRequest) -> bool {
         false
     }
 
     /// Any write of 0 stops.
-    fn zero(_: u8, ask: &Ask) -> bool {
-        matches!(ask, Ask::WriteWord { value: 0, .. })
+    fn zero(_: u8, ask: &ModbusRequest) -> bool {
+        matches!(ask, ModbusRequest::WriteWord { value: 0, .. })
     }
 
     #[test]
@@ -480,11 +499,11 @@ mod tests {
         connection.receive(T0, &[run, stop, vec![0, 3, 0, 7, 0, 2, 9]].concat(), &zero);
         assert_eq!(
             connection.close_reason(),
-            Some(CloseReason::Malformed(Malformed::Protocol(7)))
+            Some(CloseReason::Malformed(MalformedStream::Protocol(7)))
         );
         assert_eq!(
             connection.next_call().map(|call| call.ask),
-            Some(Ask::WriteWord {
+            Some(ModbusRequest::WriteWord {
                 address: 2,
                 value: 0
             })
@@ -504,24 +523,24 @@ mod tests {
         assert_eq!((call.unit, call.deadline), (7, after(5_000)));
         assert_eq!(
             call.ask,
-            Ask::ReadWords {
+            ModbusRequest::ReadWords {
                 table: WordTable::Input,
                 address: 0x0101,
                 count: 2
             }
         );
         assert_eq!(connection.next_call(), None);
-        connection.answer(after(10), call.ticket, Answer::Words(&[6000, 1]));
+        connection.answer(after(10), call.ticket, ModbusAnswer::Words(&[6000, 1]));
         assert_eq!(
             connection.output(),
             message(0x1234, 7, &[4, 4, 0x17, 0x70, 0, 1])
         );
         assert_eq!(
             connection.counters(),
-            &Counters {
+            &ConnectionCounters {
                 requests: 1,
                 replies: 1,
-                ..Counters::default()
+                ..ConnectionCounters::default()
             }
         );
     }
@@ -534,17 +553,17 @@ mod tests {
             &[read(1), message(1, 8, &[6, 0, 2, 0, 1]), read(0xFFFF)].concat(),
             &never,
         );
-        let calls: Vec<Call> = std::iter::from_fn(|| connection.next_call()).collect();
+        let calls: Vec<UnitCall> = std::iter::from_fn(|| connection.next_call()).collect();
         assert_eq!(
             calls[1].ask,
-            Ask::WriteWord {
+            ModbusRequest::WriteWord {
                 address: 2,
                 value: 1
             }
         );
-        connection.answer(T0, calls[2].ticket, Answer::Words(&[3]));
-        connection.answer(T0, calls[1].ticket, Answer::Written);
-        connection.answer(T0, calls[0].ticket, Answer::Exception(0x0A));
+        connection.answer(T0, calls[2].ticket, ModbusAnswer::Words(&[3]));
+        connection.answer(T0, calls[1].ticket, ModbusAnswer::Written);
+        connection.answer(T0, calls[0].ticket, ModbusAnswer::Exception(0x0A));
         let answers = [
             message(0xFFFF, 7, &[3, 2, 0, 3]),
             message(1, 8, &[6, 0, 2, 0, 1]),
@@ -604,7 +623,7 @@ mod tests {
         let mut connection = connection();
         let stream: Vec<u8> = (0..17).flat_map(read).collect();
         connection.receive(T0, &stream, &never);
-        let calls: Vec<Call> = std::iter::from_fn(|| connection.next_call()).collect();
+        let calls: Vec<UnitCall> = std::iter::from_fn(|| connection.next_call()).collect();
         assert_eq!(calls.len(), 16);
         assert_eq!(connection.output(), message(16, 7, &[0x83, 6]));
         connection.answer(T0, calls[3].ticket, ONE);
@@ -619,7 +638,7 @@ mod tests {
         let mut connection = connection();
         let stream: Vec<u8> = (0..16).flat_map(read).collect();
         connection.receive(T0, &[stream, other, stop.clone()].concat(), &zero);
-        let calls: Vec<Call> = std::iter::from_fn(|| connection.next_call()).collect();
+        let calls: Vec<UnitCall> = std::iter::from_fn(|| connection.next_call()).collect();
         assert_eq!((calls.len(), calls[16].unit), (17, 7));
         assert_eq!(
             connection.output(),
@@ -640,7 +659,7 @@ mod tests {
             Some(8),
             "each unit has a place"
         );
-        connection.answer(T0, calls[16].ticket, Answer::Written);
+        connection.answer(T0, calls[16].ticket, ModbusAnswer::Written);
         assert_eq!(connection.output(), stop);
         connection.receive(T0, &stop, &zero);
         assert!(connection.next_call().is_some(), "the place is free again");
@@ -652,12 +671,12 @@ mod tests {
         let run = message(1, 7, &[6, 0, 2, 0, 1]);
         let stop = message(2, 7, &[6, 0, 2, 0, 0]);
         connection.receive(T0, &[run, stop].concat(), &zero);
-        let asks: Vec<Ask> = std::iter::from_fn(|| connection.next_call())
+        let asks: Vec<ModbusRequest> = std::iter::from_fn(|| connection.next_call())
             .map(|call| call.ask)
             .collect();
         assert_eq!(
             asks,
-            [1, 0].map(|value| Ask::WriteWord { address: 2, value })
+            [1, 0].map(|value| ModbusRequest::WriteWord { address: 2, value })
         );
     }
 
@@ -681,7 +700,7 @@ mod tests {
         assert!(connection.output().is_empty());
         connection.answer(T0, ticket, ONE);
         let once = connection.output().to_vec();
-        connection.answer(T0, ticket, Answer::Words(&[2]));
+        connection.answer(T0, ticket, ModbusAnswer::Words(&[2]));
         assert_eq!(connection.output(), once);
     }
 
@@ -723,9 +742,9 @@ mod tests {
     #[test]
     fn what_is_no_modbus_ends_the_connection_behind_the_answers_that_are_due() {
         for (bad, reason) in [
-            (&[0, 9, 0, 1, 0, 2, 7, 3][..], Malformed::Protocol(1)),
-            (&[0, 9, 0, 0, 0, 1, 7], Malformed::Length(1)),
-            (&[0, 9, 0, 0, 0xEA, 0x60], Malformed::Length(60_000)),
+            (&[0, 9, 0, 1, 0, 2, 7, 3][..], MalformedStream::Protocol(1)),
+            (&[0, 9, 0, 0, 0, 1, 7], MalformedStream::Length(1)),
+            (&[0, 9, 0, 0, 0xEA, 0x60], MalformedStream::Length(60_000)),
         ] {
             let mut connection = connection();
             connection.receive(
@@ -778,10 +797,10 @@ mod tests {
 
     #[test]
     fn a_connection_is_idle_from_its_last_request_or_answer() {
-        let mut connection = Connection::new(
-            Limits {
+        let mut connection = ModbusConnection::new(
+            ConnectionLimits {
                 answer_within: Duration::MAX,
-                ..Limits::default()
+                ..ConnectionLimits::default()
             },
             T0,
         );
@@ -822,7 +841,7 @@ mod tests {
         assert!(!connection.wants_input());
         connection.wrote(400);
         assert!(connection.wants_input());
-        while connection.output().len() <= Connection::OUTPUT_MAX {
+        while connection.output().len() <= ModbusConnection::OUTPUT_MAX {
             connection.receive(T0, &chunk, &never);
         }
         assert_eq!(connection.close_reason(), None);
@@ -843,17 +862,17 @@ mod tests {
         connection.receive(T0, &stream[..1], &never);
         connection.receive(T0, &stream[1..], &never);
         connection.wrote(usize::MAX);
-        assert!(connection.input.capacity() <= Connection::KEEP_BYTES);
-        assert!(connection.output.capacity() <= Connection::KEEP_BYTES);
+        assert!(connection.input.capacity() <= ModbusConnection::KEEP_BYTES);
+        assert!(connection.output.capacity() <= ModbusConnection::KEEP_BYTES);
         assert!(
-            std::mem::size_of::<Connection>() <= 512,
+            std::mem::size_of::<ModbusConnection>() <= 512,
             "10,000 idle connections must be small"
         );
     }
 
     #[test]
     fn close_reasons_can_be_read() {
-        let reason = CloseReason::Malformed(Malformed::Length(1));
+        let reason = CloseReason::Malformed(MalformedStream::Length(1));
         assert_eq!(
             reason.to_string(),
             "not Modbus TCP: length 1 is outside 2 to 254"
@@ -871,11 +890,11 @@ mod tests {
                 let mut chunk = if *header { vec![0, 1, 0, 0, 0, 2, 1] } else { vec![] };
                 chunk.extend(bytes);
                 connection.receive(T0, &chunk, &never);
-                prop_assert!(connection.kept.len() <= Connection::KEPT_MAX);
+                prop_assert!(connection.kept.len() <= ModbusConnection::KEPT_MAX);
                 prop_assert!(connection.input.len() < mbap::MAX_ADU_BYTES);
-                prop_assert!(connection.input.capacity() <= Connection::KEEP_BYTES);
+                prop_assert!(connection.input.capacity() <= ModbusConnection::KEEP_BYTES);
                 prop_assert!(connection.pending.len() <= 16 && connection.calls.len() <= 16);
-                prop_assert!(connection.output.len() <= Connection::OUTPUT_MAX + 2 * chunk.len());
+                prop_assert!(connection.output.len() <= ModbusConnection::OUTPUT_MAX + 2 * chunk.len());
                 prop_assert_eq!(connection.begun.is_some(), !connection.input.is_empty());
             }
         }

@@ -2,7 +2,7 @@
 
 /// What happened on a connection so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counters {
+pub struct ConnectionCounters {
     /// Whole messages received.
     pub requests: u64,
     /// Answers that are not exceptions.
@@ -13,8 +13,8 @@ pub struct Counters {
     pub attempts_lost: u64,
 }
 
-impl Counters {
-    /// Places in [`Counters::exceptions`]: codes 01 to 0B, and one for all others.
+impl ConnectionCounters {
+    /// Places in [`ConnectionCounters::exceptions`]: codes 01 to 0B, and one for all others.
     pub const EXCEPTION_CODES: usize = 12;
 
     /// One exception with this code was answered.

@@ -1,11 +1,11 @@
 //! What one client of Modbus TCP may use, and why its connection is closed.
 
-use crate::wire::mbap::Malformed;
+use crate::wire::mbap::MalformedStream;
 use std::time::Duration;
 
 /// What one client may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Limits {
+pub struct ConnectionLimits {
     /// Most requests in flight. One more is answered with exception 06, unless it is a stop: for that there is one more
     /// place for each unit, because a stop never waits for anything else. Default 16: the most that the Modbus
     /// messaging on TCP/IP implementation guide V1.0b expects a server to accept from one client.
@@ -24,7 +24,7 @@ pub struct Limits {
     pub read_within: Duration,
 }
 
-impl Limits {
+impl ConnectionLimits {
     /// The default idle time-out.
     pub const IDLE_TIMEOUT: Duration = Duration::from_secs(600);
     /// The default deadline of a call: clients usually give up after 1 to 5 s, and an answer that no client awaits should not
@@ -32,7 +32,7 @@ impl Limits {
     pub const ANSWER_WITHIN: Duration = Duration::from_secs(5);
 }
 
-impl Default for Limits {
+impl Default for ConnectionLimits {
     fn default() -> Self {
         Self {
             pending_max: 16,
@@ -49,7 +49,7 @@ impl Default for Limits {
 pub enum CloseReason {
     /// The stream contains something that is not Modbus TCP.
     #[error("not Modbus TCP: {0}")]
-    Malformed(Malformed),
+    Malformed(MalformedStream),
     /// A message was begun and not finished in time.
     #[error("a message was begun and not finished in time")]
     BodyTimeout,

@@ -37,7 +37,7 @@ pub enum MapAccess {
 
 /// What a row is repeated for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Each {
+pub enum RowRepeat {
     /// It occurs once.
     Once,
     /// For each line, at this address offset.
@@ -48,7 +48,7 @@ pub enum Each {
 
 /// What a row holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Holds {
+pub enum RowContent {
     /// A number in steps of this size in a unit of measure.
     Steps(&'static str, &'static str),
     /// A plain number, and its behaviour at its ends.
@@ -73,14 +73,14 @@ pub struct MapRow {
     /// What it is.
     pub name: &'static str,
     /// What it holds.
-    pub holds: Holds,
+    pub holds: RowContent,
     /// The word it reads as while unknown or not present; `None` if it is always known. In a signed word it is
     /// [`ABSENT_SIGNED`], else [`ABSENT`], and with more than one word all of them read as that.
     pub absent: Option<u16>,
     /// What can be done with it.
     pub access: MapAccess,
     /// What it is repeated for.
-    pub each: Each,
+    pub each: RowRepeat,
 }
 
 pub(super) const fn row(
@@ -88,11 +88,11 @@ pub(super) const fn row(
     table: MapTable,
     address: u16,
     name: &'static str,
-    holds: Holds,
+    holds: RowContent,
 ) -> MapRow {
     let absent = None;
     let access = MapAccess::Read;
-    let each = Each::Once;
+    let each = RowRepeat::Once;
     MapRow {
         unit,
         table,
@@ -144,38 +144,38 @@ const fn status(address: u16, name: &'static str) -> MapRow {
 }
 
 const fn coil(unit: MapUnit, address: u16, name: &'static str, does: &'static str) -> MapRow {
-    row(unit, MapTable::Coil, address, name, Holds::Codes(does)).written()
+    row(unit, MapTable::Coil, address, name, RowContent::Codes(does)).written()
 }
 
-const fn head(address: u16, name: &'static str, holds: Holds) -> MapRow {
+const fn head(address: u16, name: &'static str, holds: RowContent) -> MapRow {
     row(MapUnit::Own, MapTable::Word, address, name, holds)
 }
 
-const fn line(offset: u16, count: u16, name: &'static str, holds: Holds) -> MapRow {
+const fn line(offset: u16, count: u16, name: &'static str, holds: RowContent) -> MapRow {
     let row = head(own::LINES + offset, name, holds).or_absent();
     MapRow {
         count,
-        each: Each::Line(own::LINE_WORDS),
+        each: RowRepeat::Line(own::LINE_WORDS),
         ..row
     }
 }
 
-const fn drive(offset: u16, name: &'static str, holds: Holds) -> MapRow {
+const fn drive(offset: u16, name: &'static str, holds: RowContent) -> MapRow {
     MapRow {
-        each: Each::Drive(own::DRIVE_WORDS),
+        each: RowRepeat::Drive(own::DRIVE_WORDS),
         ..head(own::DRIVES + offset, name, holds).or_absent()
     }
 }
 
-const YES: Holds = Holds::Codes("1 yes");
-pub(super) const COUNT: Holds = Holds::Number("wraps");
-pub(super) const SECONDS: Holds = Holds::Steps("1", "s");
-pub(super) const HUNDREDTHS: Holds = Holds::Steps("0.01", "Hz");
-pub(super) const AGE: Holds = Holds::Steps("0.01", "s");
-pub(super) const TRIP: Holds = Holds::Codes("the vendor's number, 0 none");
-pub(super) const TRIPS: Holds = Holds::Number("stays at 65534");
-pub(super) const RESERVED: Holds = Holds::Number("0");
-pub(super) const RUN_STATES: Holds = Holds::Codes(
+const YES: RowContent = RowContent::Codes("1 yes");
+pub(super) const COUNT: RowContent = RowContent::Number("wraps");
+pub(super) const SECONDS: RowContent = RowContent::Steps("1", "s");
+pub(super) const HUNDREDTHS: RowContent = RowContent::Steps("0.01", "Hz");
+pub(super) const AGE: RowContent = RowContent::Steps("0.01", "s");
+pub(super) const TRIP: RowContent = RowContent::Codes("the vendor's number, 0 none");
+pub(super) const TRIPS: RowContent = RowContent::Number("stays at 65534");
+pub(super) const RESERVED: RowContent = RowContent::Number("0");
+pub(super) const RUN_STATES: RowContent = RowContent::Codes(
     "0 unknown, 1 stopped, 2 forward, 3 reverse, 4 tripped, 5 offline, 6 running (direction unknown), 7 stopping",
 );
 /// All rows: by unit, then by table, in order of address.
@@ -259,13 +259,13 @@ const OWN: [MapRow; OWN_ROWS] = [
         "stop all drives",
         "1 acts, reads 0",
     ),
-    head(0, "map version", Holds::Number("1")),
+    head(0, "map version", RowContent::Number("1")),
     head(1, "life counter, wraps", SECONDS),
-    head(2, "lines", Holds::Number("")),
-    head(3, "drives", Holds::Number("")),
+    head(2, "lines", RowContent::Number("")),
+    head(3, "drives", RowContent::Number("")),
     head(4, "time since start", SECONDS).words(2),
     head(6, "reserved", RESERVED).words(10),
-    line(0, 1, "line state", Holds::Codes("0 down, 1 up")),
+    line(0, 1, "line state", RowContent::Codes("0 down, 1 up")),
     line(1, 2, "requests sent", COUNT),
     line(3, 2, "right replies", COUNT),
     line(5, 2, "time-outs", COUNT),
@@ -275,23 +275,23 @@ const OWN: [MapRow; OWN_ROWS] = [
     line(13, 1, "times the port was lost", COUNT),
     line(14, 1, "requests refused, queue full", COUNT),
     line(15, 1, "reserved", RESERVED),
-    drive(0, "status bits", Holds::Codes("as uniform word 1")),
+    drive(0, "status bits", RowContent::Codes("as uniform word 1")),
     drive(1, "run state", RUN_STATES),
     drive(2, "output frequency", HUNDREDTHS),
     drive(3, "frequency setting of the drive", HUNDREDTHS),
     drive(4, "trip code", TRIP),
-    drive(5, "output current", Holds::Steps("0.1", "A")),
+    drive(5, "output current", RowContent::Steps("0.1", "A")),
     drive(6, "age of the oldest polled value, 65535 more", AGE),
     drive(7, "trips that are kept", TRIPS),
 ];
 
 #[cfg(test)]
 mod tests {
-    use super::super::ask::{Ask, BitTable, WordTable};
-    use super::super::taken::{Present, Taken};
+    use super::super::ask::{BitTable, ModbusRequest, WordTable};
+    use super::super::taken::{RequestAction, RequestContext};
     use super::super::testing::{self, NOW};
-    use super::super::uniform::Uniform;
-    use super::super::words::Words;
+    use super::super::uniform::UniformUnit;
+    use super::super::words::WordBuffer;
     use super::*;
     use crate::domain::command::{Owner, Reason};
     use crate::domain::report::LineReport;
@@ -300,9 +300,9 @@ mod tests {
     use std::sync::Arc;
 
     /// Two lines and two drives.
-    struct Plant(Uniform);
+    struct Plant(UniformUnit);
 
-    impl own::Gateway for Plant {
+    impl own::ServedGateway for Plant {
         fn lines(&self) -> usize {
             2
         }
@@ -315,7 +315,7 @@ mod tests {
             2
         }
 
-        fn drive(&self, _: usize) -> Option<(&Uniform, Arc<DriveView>)> {
+        fn drive(&self, _: usize) -> Option<(&UniformUnit, Arc<DriveView>)> {
             Some((&self.0, Arc::new(testing::view())))
         }
 
@@ -326,26 +326,27 @@ mod tests {
 
     fn plant() -> (Plant, DriveView) {
         (
-            Plant(Uniform::new(&testing::description())),
+            Plant(UniformUnit::new(&testing::description())),
             testing::view(),
         )
     }
 
-    fn asked((plant, view): &(Plant, DriveView), unit: MapUnit, ask: &Ask) -> bool {
-        let present = Present {
+    fn asked((plant, view): &(Plant, DriveView), unit: MapUnit, ask: &ModbusRequest) -> bool {
+        let present = RequestContext {
             now: NOW,
             uptime_s: 0,
             owner: Owner::Mqtt,
             standby: None,
         };
-        let mut words = Words::default();
+        let mut words = WordBuffer::default();
         let taken = match unit {
             MapUnit::Uniform => plant.0.take(ask, view, &present, &mut words),
             MapUnit::Own => own::take(own::UNIT, ask, plant, &present, &mut words),
         };
         !matches!(
             taken,
-            Taken::Exception(_) | Taken::Refused(Reason::NotListed | Reason::NotCapable)
+            RequestAction::Exception(_)
+                | RequestAction::Refused(Reason::NotListed | Reason::NotCapable)
         )
     }
 
@@ -355,8 +356,8 @@ mod tests {
             .filter(|row| row.unit == unit && tables.contains(&row.table))
             .any(|row| {
                 let (step, times) = match row.each {
-                    Each::Once => (0, 1),
-                    Each::Line(step) | Each::Drive(step) => (step, 2),
+                    RowRepeat::Once => (0, 1),
+                    RowRepeat::Line(step) | RowRepeat::Drive(step) => (step, 2),
                 };
                 let mut firsts = (0..times).map(|time| row.address + time * step);
                 let may = !is_written || row.access == MapAccess::ReadWrite;
@@ -374,7 +375,7 @@ mod tests {
                     (WordTable::Input, &[MapTable::Word]),
                 ] {
                     let listed = is_listed(unit, tables, address, false);
-                    let ask = Ask::ReadWords {
+                    let ask = ModbusRequest::ReadWords {
                         table,
                         address,
                         count: 1,
@@ -390,7 +391,7 @@ mod tests {
                     (BitTable::Discrete, MapTable::Discrete),
                 ] {
                     let listed = is_listed(unit, &[listed], address, false);
-                    let ask = Ask::ReadBits {
+                    let ask = ModbusRequest::ReadBits {
                         table,
                         address,
                         count: 1,
@@ -411,10 +412,10 @@ mod tests {
         for unit in [MapUnit::Uniform, MapUnit::Own] {
             for address in 0..=u16::MAX {
                 let listed = is_listed(unit, &[MapTable::Word, MapTable::Holding], address, true);
-                let ask = Ask::WriteWord { address, value: 1 };
+                let ask = ModbusRequest::WriteWord { address, value: 1 };
                 assert_eq!(asked(&plant, unit, &ask), listed, "{unit:?} {address}");
                 let listed = is_listed(unit, &[MapTable::Coil], address, true);
-                let ask = Ask::WriteCoil { address, on: true };
+                let ask = ModbusRequest::WriteCoil { address, on: true };
                 assert_eq!(asked(&plant, unit, &ask), listed, "{unit:?} coil {address}");
             }
         }
@@ -426,9 +427,9 @@ mod tests {
         let mut drive = testing::description();
         drive.control = None;
         Arc::make_mut(&mut drive.model).registers.clear();
-        let uniform = Uniform::new(&drive);
+        let uniform = UniformUnit::new(&drive);
         let view = DriveView::default();
-        let present = Present {
+        let present = RequestContext {
             now: NOW,
             uptime_s: 7,
             owner: Owner::Mqtt,

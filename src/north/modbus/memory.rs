@@ -5,7 +5,7 @@
 //! periods: a client that asks for a register by its address wants to know how it is now, so it gets what a poll in time
 //! would have brought, and when polls are late it asks the drive itself.
 
-use super::words::Words;
+use super::words::WordBuffer;
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
@@ -23,7 +23,7 @@ pub fn recall(
     orders: u64,
     (address, count): (Address, u16),
     now: MonoTime,
-    words: &mut Words,
+    words: &mut WordBuffer,
 ) -> Option<Duration> {
     let OrdersView { taken, settled_at } = view.orders;
     if taken != orders || !view.is_online() {
@@ -83,7 +83,7 @@ mod tests {
         (address, count): (Address, u16),
         now: MonoTime,
     ) -> Option<Vec<u16>> {
-        let mut words = Words::default();
+        let mut words = WordBuffer::default();
         let age = recall(
             &description(),
             view,
@@ -131,7 +131,7 @@ mod tests {
                 &view,
                 3,
                 (
-                    Address::new(crate::domain::address::Table::Input, 0x0101),
+                    Address::new(crate::domain::address::DataTable::Input, 0x0101),
                     1
                 ),
                 NOW
@@ -180,7 +180,7 @@ mod tests {
         view.line_is_up = false;
         assert_eq!(recalled(&view, 3, (FIRST, 1), NOW), None);
         view = settled();
-        view.snapshot.presence = crate::drive::snapshot::Presence::Offline;
+        view.snapshot.presence = crate::drive::snapshot::DrivePresence::Offline;
         assert_eq!(recalled(&view, 3, (FIRST, 1), NOW), None);
     }
 

@@ -1,10 +1,10 @@
 //! Native units: the drive as its vendor describes it, addressed by its own registers.
 
-use super::answer::Answer;
-use super::ask::{Ask, BitTable, Bits, WordTable};
+use super::answer::ModbusAnswer;
+use super::ask::{BitTable, ModbusRequest, PackedBits, WordTable};
 use super::refusal;
-use crate::domain::address::{Address, Table};
-use crate::domain::native::{NativeAsk, NativeOutcome, Refusal};
+use crate::domain::address::{Address, DataTable};
+use crate::domain::native::{NativeAsk, NativeOutcome, NativeRefusal};
 use crate::profile::model::Model;
 use crate::wire::exception;
 
@@ -13,7 +13,7 @@ use crate::wire::exception;
 /// # Errors
 /// 01: a native unit has only the functions 03, 04, 06, 08 and 10 hex, those of bits where its drive has such, and of 08
 /// only what the drive serves.
-pub fn ask_of(model: &Model, ask: Ask) -> Result<NativeAsk, u8> {
+pub fn ask_of(model: &Model, ask: ModbusRequest) -> Result<NativeAsk, u8> {
     let has = |table| {
         model
             .registers
@@ -21,30 +21,30 @@ pub fn ask_of(model: &Model, ask: Ask) -> Result<NativeAsk, u8> {
             .any(|register| register.address.table() == table)
     };
     match ask {
-        Ask::ReadWords {
+        ModbusRequest::ReadWords {
             table,
             address,
             count,
         } => {
-            let is_input = table == WordTable::Input && has(Table::Input);
+            let is_input = table == WordTable::Input && has(DataTable::Input);
             let table = if is_input {
-                Table::Input
+                DataTable::Input
             } else {
-                Table::Holding
+                DataTable::Holding
             };
             Ok(NativeAsk::Read {
                 address: Address::new(table, address),
                 count,
             })
         }
-        Ask::ReadBits {
+        ModbusRequest::ReadBits {
             table,
             address,
             count,
         } => {
             let table = match table {
-                BitTable::Coils => Table::Coil,
-                BitTable::Discrete => Table::Discrete,
+                BitTable::Coils => DataTable::Coil,
+                BitTable::Discrete => DataTable::Discrete,
             };
             let read = NativeAsk::Read {
                 address: Address::new(table, address),
@@ -54,23 +54,25 @@ pub fn ask_of(model: &Model, ask: Ask) -> Result<NativeAsk, u8> {
                 .then_some(read)
                 .ok_or(exception::ILLEGAL_FUNCTION)
         }
-        Ask::WriteCoil { .. } | Ask::WriteCoils { .. } if !has(Table::Coil) => {
+        ModbusRequest::WriteCoil { .. } | ModbusRequest::WriteCoils { .. }
+            if !has(DataTable::Coil) =>
+        {
             Err(exception::ILLEGAL_FUNCTION)
         }
-        Ask::WriteCoil { address, on } => Ok(NativeAsk::Write {
-            address: Address::new(Table::Coil, address),
+        ModbusRequest::WriteCoil { address, on } => Ok(NativeAsk::Write {
+            address: Address::new(DataTable::Coil, address),
             values: vec![on.into()],
         }),
-        Ask::WriteCoils { address, values } => Ok(NativeAsk::Write {
-            address: Address::new(Table::Coil, address),
+        ModbusRequest::WriteCoils { address, values } => Ok(NativeAsk::Write {
+            address: Address::new(DataTable::Coil, address),
             values: bits(&values),
         }),
-        Ask::LoopTest { data } => Ok(NativeAsk::Loop { data }),
-        Ask::WriteWord { address, value } => Ok(NativeAsk::Write {
+        ModbusRequest::LoopTest { data } => Ok(NativeAsk::Loop { data }),
+        ModbusRequest::WriteWord { address, value } => Ok(NativeAsk::Write {
             address: address.into(),
             values: vec![value],
         }),
-        Ask::WriteWords { address, values } => Ok(NativeAsk::Write {
+        ModbusRequest::WriteWords { address, values } => Ok(NativeAsk::Write {
             address: address.into(),
             values,
         }),
@@ -81,10 +83,10 @@ pub fn ask_of(model: &Model, ask: Ask) -> Result<NativeAsk, u8> {
 /// The answer to the client for `outcome`: 04 if the drive refused, its own exception unchanged, 0B if it did not
 /// answer in time, 0A if it cannot be reached, 06 if the request may be repeated later.
 #[must_use]
-pub fn answer_of(outcome: &NativeOutcome) -> Answer<'_> {
-    Answer::Exception(match outcome {
-        NativeOutcome::Words(words) => return Answer::Words(words),
-        NativeOutcome::Written => return Answer::Written,
+pub fn answer_of(outcome: &NativeOutcome) -> ModbusAnswer<'_> {
+    ModbusAnswer::Exception(match outcome {
+        NativeOutcome::Words(words) => return ModbusAnswer::Words(words),
+        NativeOutcome::Written => return ModbusAnswer::Written,
         NativeOutcome::KeptOldValue(_) => exception::SERVER_DEVICE_FAILURE,
         NativeOutcome::DriveException { code, .. } => *code,
         NativeOutcome::Refused(why) => exception_of(*why),
@@ -95,14 +97,19 @@ pub fn answer_of(outcome: &NativeOutcome) -> Answer<'_> {
 
 /// Whether `ask` orders a drive of `model` to stop or to coast, by writing its run command.
 #[must_use]
-pub fn is_stop(model: &Model, ask: &Ask) -> bool {
+pub fn is_stop(model: &Model, ask: &ModbusRequest) -> bool {
     let (address, values) = match ask {
-        Ask::WriteWord { address, value } => (Address::holding(*address), vec![*value]),
-        Ask::WriteWords { address, values } => (Address::holding(*address), values.clone()),
-        Ask::WriteCoil { address, on } => {
-            (Address::new(Table::Coil, *address), vec![u16::from(*on)])
+        ModbusRequest::WriteWord { address, value } => (Address::holding(*address), vec![*value]),
+        ModbusRequest::WriteWords { address, values } => {
+            (Address::holding(*address), values.clone())
         }
-        Ask::WriteCoils { address, values } => (Address::new(Table::Coil, *address), bits(values)),
+        ModbusRequest::WriteCoil { address, on } => (
+            Address::new(DataTable::Coil, *address),
+            vec![u16::from(*on)],
+        ),
+        ModbusRequest::WriteCoils { address, values } => {
+            (Address::new(DataTable::Coil, *address), bits(values))
+        }
         _ => return false,
     };
     let mut written = address.onwards().zip(values);
@@ -110,21 +117,21 @@ pub fn is_stop(model: &Model, ask: &Ask) -> bool {
 }
 
 /// Each bit as a word, 0 or 1.
-fn bits(values: &Bits) -> Vec<u16> {
+fn bits(values: &PackedBits) -> Vec<u16> {
     (0..values.count())
         .filter_map(|place| values.get(place))
         .map(u16::from)
         .collect()
 }
 
-const fn exception_of(why: Refusal) -> u8 {
+const fn exception_of(why: NativeRefusal) -> u8 {
     match why {
-        Refusal::NoSuchUnit | Refusal::LineDown | Refusal::Standby => {
+        NativeRefusal::NoSuchUnit | NativeRefusal::LineDown | NativeRefusal::Standby => {
             exception::GATEWAY_PATH_UNAVAILABLE
         }
-        Refusal::Guard(reason) => refusal::exception_of(reason),
-        Refusal::TooManyFrames => exception::ILLEGAL_DATA_VALUE,
-        Refusal::QueueFull => exception::SERVER_DEVICE_BUSY,
+        NativeRefusal::Guard(reason) => refusal::exception_of(reason),
+        NativeRefusal::TooManyFrames => exception::ILLEGAL_DATA_VALUE,
+        NativeRefusal::QueueFull => exception::SERVER_DEVICE_BUSY,
     }
 }
 
@@ -135,7 +142,7 @@ mod tests {
     use super::*;
     use crate::domain::command::Reason;
 
-    fn ask(pdu: &[u8]) -> Ask {
+    fn ask(pdu: &[u8]) -> ModbusRequest {
         parse(pdu).unwrap()
     }
 
@@ -184,23 +191,23 @@ mod tests {
         };
         assert_eq!(
             ask_of(&model, ask(&[1, 0, 0, 0, 9])),
-            read(Table::Coil, 0, 9)
+            read(DataTable::Coil, 0, 9)
         );
         assert_eq!(
             ask_of(&model, ask(&[2, 0, 1, 0, 1])),
-            read(Table::Discrete, 1, 1)
+            read(DataTable::Discrete, 1, 1)
         );
         assert_eq!(
             ask_of(&model, ask(&[3, 0, 1, 0, 1])),
-            read(Table::Holding, 1, 1)
+            read(DataTable::Holding, 1, 1)
         );
         assert_eq!(
             ask_of(&model, ask(&[4, 0x10, 0, 0, 2])),
-            read(Table::Input, 0x1000, 2)
+            read(DataTable::Input, 0x1000, 2)
         );
         let write = |number, values| {
             Ok(NativeAsk::Write {
-                address: at(Table::Coil, number),
+                address: at(DataTable::Coil, number),
                 values,
             })
         };
@@ -226,9 +233,9 @@ mod tests {
     fn every_outcome_is_one_answer() {
         assert_eq!(
             answer_of(&NativeOutcome::Words([1, 2].into())),
-            Answer::Words(&[1, 2])
+            ModbusAnswer::Words(&[1, 2])
         );
-        assert_eq!(answer_of(&NativeOutcome::Written), Answer::Written);
+        assert_eq!(answer_of(&NativeOutcome::Written), ModbusAnswer::Written);
         for (outcome, code) in [
             (NativeOutcome::KeptOldValue(7), 4),
             (
@@ -245,25 +252,35 @@ mod tests {
                 },
                 0x21,
             ),
-            (NativeOutcome::Refused(Refusal::NoSuchUnit), 0x0A),
-            (NativeOutcome::Refused(Refusal::LineDown), 0x0A),
-            (NativeOutcome::Refused(Refusal::Guard(Reason::ReadOnly)), 1),
-            (NativeOutcome::Refused(Refusal::Guard(Reason::NotListed)), 2),
+            (NativeOutcome::Refused(NativeRefusal::NoSuchUnit), 0x0A),
+            (NativeOutcome::Refused(NativeRefusal::LineDown), 0x0A),
             (
-                NativeOutcome::Refused(Refusal::Guard(Reason::OutsideLimits)),
+                NativeOutcome::Refused(NativeRefusal::Guard(Reason::ReadOnly)),
+                1,
+            ),
+            (
+                NativeOutcome::Refused(NativeRefusal::Guard(Reason::NotListed)),
+                2,
+            ),
+            (
+                NativeOutcome::Refused(NativeRefusal::Guard(Reason::OutsideLimits)),
                 3,
             ),
             (
-                NativeOutcome::Refused(Refusal::Guard(Reason::OtherOwner)),
+                NativeOutcome::Refused(NativeRefusal::Guard(Reason::OtherOwner)),
                 6,
             ),
-            (NativeOutcome::Refused(Refusal::TooManyFrames), 3),
-            (NativeOutcome::Refused(Refusal::QueueFull), 6),
+            (NativeOutcome::Refused(NativeRefusal::TooManyFrames), 3),
+            (NativeOutcome::Refused(NativeRefusal::QueueFull), 6),
             (NativeOutcome::Superseded, 6),
             (NativeOutcome::NoReply, 0x0B),
             (NativeOutcome::Expired, 0x0B),
         ] {
-            assert_eq!(answer_of(&outcome), Answer::Exception(code), "{outcome:?}");
+            assert_eq!(
+                answer_of(&outcome),
+                ModbusAnswer::Exception(code),
+                "{outcome:?}"
+            );
         }
     }
 
@@ -287,7 +304,7 @@ mod tests {
     #[test]
     fn a_zero_is_a_stop_where_the_model_says_what_the_drive_makes_of_it() {
         use crate::profile::check;
-        let write = |word: u16| Ask::WriteWord {
+        let write = |word: u16| ModbusRequest::WriteWord {
             address: 0x2000,
             value: word,
         };

@@ -1,11 +1,11 @@
 //! Unit 255, the gateway itself: its counters, all its drives in short, STOP for all of them, and its identity. Unit 0
 //! reads the same and writes nothing, so that a write that a client intends as a broadcast never becomes one.
 
-use super::ask::{Ask, BitTable};
+use super::ask::{BitTable, ModbusRequest};
 use super::identity;
-use super::taken::{Present, Taken};
-use super::uniform::{self, ABSENT, Uniform};
-use super::words::Words;
+use super::taken::{RequestAction, RequestContext};
+use super::uniform::{self, ABSENT, UniformUnit};
+use super::words::WordBuffer;
 use crate::domain::command::Reason;
 use crate::domain::report::{LineReport, LineState};
 use crate::domain::standby::LineRole;
@@ -38,7 +38,7 @@ const DRIVE_COLUMNS: [u16; DRIVE_WORDS as usize] = [1, 2, 4, 5, 3, 6, 12, 13];
 
 /// What a listener serves of the gateway. Lines and drives are numbered as in the configuration, whichever listener
 /// serves them, so that an address means the same at every listener.
-pub trait Gateway {
+pub trait ServedGateway {
     /// Number of lines.
     fn lines(&self) -> usize;
     /// The line at this place; `None` if this listener does not serve it.
@@ -46,7 +46,7 @@ pub trait Gateway {
     /// Number of drives.
     fn drives(&self) -> usize;
     /// The drive at this place with its view; `None` if this listener does not serve it.
-    fn drive(&self, place: usize) -> Option<(&Uniform, Arc<DriveView>)>;
+    fn drive(&self, place: usize) -> Option<(&UniformUnit, Arc<DriveView>)>;
     /// The gateway's role on the line of that drive; `None` if it is the only gateway there.
     fn standby(&self, place: usize) -> Option<LineRole>;
 }
@@ -54,45 +54,46 @@ pub trait Gateway {
 /// What `ask` means to `unit`, which is [`UNIT`] or [`BROADCAST`]. Words are filled into `words`.
 pub fn take(
     unit: u8,
-    ask: &Ask,
-    gateway: &impl Gateway,
-    present: &Present,
-    words: &mut Words,
-) -> Taken {
+    ask: &ModbusRequest,
+    gateway: &impl ServedGateway,
+    present: &RequestContext,
+    words: &mut WordBuffer,
+) -> RequestAction {
     match ask {
-        Ask::ReadWords { address, count, .. } => read(*address, *count, gateway, present, words),
-        Ask::ReadBits {
+        ModbusRequest::ReadWords { address, count, .. } => {
+            read(*address, *count, gateway, present, words)
+        }
+        ModbusRequest::ReadBits {
             table: BitTable::Coils,
             address: STOP_ALL,
             count: 1,
-        } => Taken::Bits { bits: 0, count: 1 },
-        Ask::ReadBits {
+        } => RequestAction::Bits { bits: 0, count: 1 },
+        ModbusRequest::ReadBits {
             table: BitTable::Coils,
             ..
-        } => Taken::Exception(exception::ILLEGAL_DATA_ADDRESS),
-        Ask::LoopTest { .. } => Taken::Nothing,
-        Ask::Identify { access, object } => {
-            identity::read(*access, *object).map_or_else(Taken::Exception, Taken::Identity)
-        }
-        Ask::WriteCoil { address, on } if unit == UNIT => coil(*address, 1, *on),
-        Ask::WriteCoils { address, values } if unit == UNIT => {
+        } => RequestAction::Exception(exception::ILLEGAL_DATA_ADDRESS),
+        ModbusRequest::LoopTest { .. } => RequestAction::Nothing,
+        ModbusRequest::Identify { access, object } => identity::read(*access, *object)
+            .map_or_else(RequestAction::Exception, RequestAction::Identity),
+        ModbusRequest::WriteCoil { address, on } if unit == UNIT => coil(*address, 1, *on),
+        ModbusRequest::WriteCoils { address, values } if unit == UNIT => {
             coil(*address, values.count(), values.get(0) == Some(true))
         }
-        _ if !ask.writes() => Taken::Exception(exception::ILLEGAL_FUNCTION),
-        _ if unit == BROADCAST => Taken::Refused(Reason::NotAllowed),
-        _ => Taken::Refused(Reason::NotCapable),
+        _ if !ask.writes() => RequestAction::Exception(exception::ILLEGAL_FUNCTION),
+        _ if unit == BROADCAST => RequestAction::Refused(Reason::NotAllowed),
+        _ => RequestAction::Refused(Reason::NotCapable),
     }
 }
 
 /// Whether `ask` orders all drives to stop.
 #[must_use]
-pub fn is_stop(unit: u8, ask: &Ask) -> bool {
+pub fn is_stop(unit: u8, ask: &ModbusRequest) -> bool {
     let on = match ask {
-        Ask::WriteCoil {
+        ModbusRequest::WriteCoil {
             address: STOP_ALL,
             on,
         } => *on,
-        Ask::WriteCoils {
+        ModbusRequest::WriteCoils {
             address: STOP_ALL,
             values,
         } => values.count() == 1 && values.get(0) == Some(true),
@@ -101,21 +102,21 @@ pub fn is_stop(unit: u8, ask: &Ask) -> bool {
     on && unit == UNIT
 }
 
-fn coil(address: u16, count: u16, on: bool) -> Taken {
+fn coil(address: u16, count: u16, on: bool) -> RequestAction {
     match (address, count, on) {
-        (STOP_ALL, 1, true) => Taken::StopAll,
-        (STOP_ALL, 1, false) => Taken::Nothing,
-        _ => Taken::Refused(Reason::NotListed),
+        (STOP_ALL, 1, true) => RequestAction::StopAll,
+        (STOP_ALL, 1, false) => RequestAction::Nothing,
+        _ => RequestAction::Refused(Reason::NotListed),
     }
 }
 
 fn read(
     address: u16,
     count: u16,
-    gateway: &impl Gateway,
-    present: &Present,
-    words: &mut Words,
-) -> Taken {
+    gateway: &impl ServedGateway,
+    present: &RequestContext,
+    words: &mut WordBuffer,
+) -> RequestAction {
     // The words of one drive are read from one view.
     let mut drive = None;
     let is_filled = words.fill(address, count, |address| {
@@ -134,13 +135,13 @@ fn read(
         }
     });
     if is_filled {
-        Taken::Words
+        RequestAction::Words
     } else {
-        Taken::Exception(exception::ILLEGAL_DATA_ADDRESS)
+        RequestAction::Exception(exception::ILLEGAL_DATA_ADDRESS)
     }
 }
 
-fn head_word(address: u16, gateway: &impl Gateway, present: &Present) -> u16 {
+fn head_word(address: u16, gateway: &impl ServedGateway, present: &RequestContext) -> u16 {
     match address {
         0 => uniform::MAP_VERSION,
         1 => low(present.uptime_s.into()),
@@ -153,7 +154,7 @@ fn head_word(address: u16, gateway: &impl Gateway, present: &Present) -> u16 {
 }
 
 /// A line that is not served here is absent. There are words for 56 lines.
-fn line_word(offset: u16, gateway: &impl Gateway) -> Option<u16> {
+fn line_word(offset: u16, gateway: &impl ServedGateway) -> Option<u16> {
     let place = usize::from(offset / LINE_WORDS);
     let column = offset % LINE_WORDS;
     if place >= gateway.lines() {
@@ -189,8 +190,8 @@ fn line_word(offset: u16, gateway: &impl Gateway) -> Option<u16> {
 /// A drive that is not served here is absent; one that does not exist has no words.
 fn drive_words(
     place: usize,
-    gateway: &impl Gateway,
-    present: &Present,
+    gateway: &impl ServedGateway,
+    present: &RequestContext,
 ) -> Option<[u16; DRIVE_WORDS as usize]> {
     if place >= gateway.drives() {
         return None;
@@ -198,7 +199,7 @@ fn drive_words(
     let Some((unit, view)) = gateway.drive(place) else {
         return Some([ABSENT; DRIVE_WORDS as usize]);
     };
-    let present = Present {
+    let present = RequestContext {
         standby: gateway.standby(place),
         ..*present
     };
@@ -229,20 +230,20 @@ mod tests {
 
     /// Three lines and drives; the second of each is not served.
     struct Plant {
-        unit: Uniform,
+        unit: UniformUnit,
         view: Arc<DriveView>,
     }
 
     impl Plant {
         fn new() -> Self {
             Self {
-                unit: Uniform::new(&testing::description()),
+                unit: UniformUnit::new(&testing::description()),
                 view: Arc::new(testing::view()),
             }
         }
     }
 
-    impl Gateway for Plant {
+    impl ServedGateway for Plant {
         fn lines(&self) -> usize {
             3
         }
@@ -270,7 +271,7 @@ mod tests {
             3
         }
 
-        fn drive(&self, place: usize) -> Option<(&Uniform, Arc<DriveView>)> {
+        fn drive(&self, place: usize) -> Option<(&UniformUnit, Arc<DriveView>)> {
             (place != 1).then(|| (&self.unit, Arc::clone(&self.view)))
         }
 
@@ -282,17 +283,19 @@ mod tests {
         }
     }
 
-    fn asked(unit: u8, pdu: &[u8]) -> (Taken, Vec<u16>) {
-        let present = Present {
+    fn asked(unit: u8, pdu: &[u8]) -> (RequestAction, Vec<u16>) {
+        let present = RequestContext {
             now: NOW,
             uptime_s: 0x0001_0007,
             owner: Owner::Mqtt,
             standby: None,
         };
-        let mut words = Words::default();
+        let mut words = WordBuffer::default();
         let ask = parse(pdu).unwrap();
         let taken = match take(unit, &ask, &Plant::new(), &present, &mut words) {
-            Taken::Refused(reason) if ask.writes() => Taken::Exception(exception_of(reason)),
+            RequestAction::Refused(reason) if ask.writes() => {
+                RequestAction::Exception(exception_of(reason))
+            }
             taken => taken,
         };
         (taken, words.as_slice().to_vec())
@@ -303,7 +306,7 @@ mod tests {
         for unit in [UNIT, BROADCAST] {
             for function in [3, 4] {
                 let (taken, words) = asked(unit, &[function, 0, 0, 0, 16]);
-                assert_eq!(taken, Taken::Words);
+                assert_eq!(taken, RequestAction::Words);
                 assert_eq!(words, [&[1, 7, 3, 3, 1, 7][..], &[0; 10]].concat());
             }
         }
@@ -312,7 +315,7 @@ mod tests {
     #[test]
     fn each_line_has_its_counters() {
         let (taken, words) = asked(UNIT, &[3, 0, 100, 0, 48]);
-        assert_eq!(taken, Taken::Words);
+        assert_eq!(taken, RequestAction::Words);
         let served = [1, 3, 4, 0, 5, 6, 7, 0, 8, 0, 9, 0, 10, 11, 12, 0];
         assert_eq!(words, [served, [ABSENT; 16], served].concat());
     }
@@ -320,7 +323,7 @@ mod tests {
     #[test]
     fn each_drive_has_its_words_in_the_order_of_the_file() {
         let (taken, words) = asked(UNIT, &[4, 0x03, 0xE8, 0, 24]);
-        assert_eq!(taken, Taken::Words);
+        assert_eq!(taken, RequestAction::Words);
         let served = [0b0011_0011, 2, 4250, 4250, 0, 123, 0, 0];
         let heard = [0b10_0000_0001_0011, 2, 4250, 4250, 0, 123, 0, 0];
         assert_eq!(words, [served, [ABSENT; 8], heard].concat());
@@ -344,7 +347,7 @@ mod tests {
             let [high, low] = u16::to_be_bytes(address);
             assert_eq!(
                 asked(UNIT, &[3, high, low, 0, count]).0,
-                Taken::Exception(2),
+                RequestAction::Exception(2),
                 "{address} {count}"
             );
         }
@@ -354,7 +357,7 @@ mod tests {
             &[5, 0, 1, 0xFF, 0],
             &[0x0F, 0, 0, 0, 2, 1, 1],
         ] {
-            assert_eq!(asked(UNIT, pdu).0, Taken::Exception(2), "{pdu:?}");
+            assert_eq!(asked(UNIT, pdu).0, RequestAction::Exception(2), "{pdu:?}");
         }
         for pdu in [
             &[2, 0, 0, 0, 1][..],
@@ -363,28 +366,32 @@ mod tests {
             &[0x16, 0, 0, 0, 0, 0, 0],
             &[0x17, 0, 0, 0, 1, 0, 0, 0, 1, 2, 0, 1],
         ] {
-            assert_eq!(asked(UNIT, pdu).0, Taken::Exception(1), "{pdu:?}");
+            assert_eq!(asked(UNIT, pdu).0, RequestAction::Exception(1), "{pdu:?}");
         }
     }
 
     #[test]
     fn one_coil_stops_all_and_never_as_a_broadcast() {
         for (pdu, right) in [
-            (&[5, 0, 0, 0xFF, 0][..], Taken::StopAll),
-            (&[5, 0, 0, 0, 0], Taken::Nothing),
-            (&[0x0F, 0, 0, 0, 1, 1, 1], Taken::StopAll),
-            (&[0x0F, 0, 0, 0, 1, 1, 0], Taken::Nothing),
+            (&[5, 0, 0, 0xFF, 0][..], RequestAction::StopAll),
+            (&[5, 0, 0, 0, 0], RequestAction::Nothing),
+            (&[0x0F, 0, 0, 0, 1, 1, 1], RequestAction::StopAll),
+            (&[0x0F, 0, 0, 0, 1, 1, 0], RequestAction::Nothing),
         ] {
             let ask = parse(pdu).unwrap();
-            assert_eq!(is_stop(UNIT, &ask), right == Taken::StopAll);
+            assert_eq!(is_stop(UNIT, &ask), right == RequestAction::StopAll);
             assert!(!is_stop(BROADCAST, &ask));
             assert_eq!(asked(UNIT, pdu).0, right, "{pdu:?}");
-            assert_eq!(asked(BROADCAST, pdu).0, Taken::Exception(1), "{pdu:?}");
+            assert_eq!(
+                asked(BROADCAST, pdu).0,
+                RequestAction::Exception(1),
+                "{pdu:?}"
+            );
         }
         for unit in [UNIT, BROADCAST] {
             assert_eq!(
                 asked(unit, &[1, 0, 0, 0, 1]).0,
-                Taken::Bits { bits: 0, count: 1 }
+                RequestAction::Bits { bits: 0, count: 1 }
             );
         }
     }
@@ -394,10 +401,16 @@ mod tests {
         for unit in [UNIT, BROADCAST] {
             assert_eq!(
                 asked(unit, &[0x2B, 0x0E, 4, 0]).0,
-                Taken::Identity(identity::read(4, 0).unwrap())
+                RequestAction::Identity(identity::read(4, 0).unwrap())
             );
-            assert_eq!(asked(unit, &[0x2B, 0x0E, 4, 9]).0, Taken::Exception(2));
-            assert_eq!(asked(unit, &[0x2B, 0x0E, 9, 0]).0, Taken::Exception(3));
+            assert_eq!(
+                asked(unit, &[0x2B, 0x0E, 4, 9]).0,
+                RequestAction::Exception(2)
+            );
+            assert_eq!(
+                asked(unit, &[0x2B, 0x0E, 9, 0]).0,
+                RequestAction::Exception(3)
+            );
         }
     }
 }

@@ -1,6 +1,6 @@
 //! From a client's PDU to its request, or to the exact exception that answers it.
 
-use super::ask::{Ask, BitTable, Bits, WordTable};
+use super::ask::{BitTable, ModbusRequest, PackedBits, WordTable};
 use super::function as client;
 use crate::wire::exception;
 use crate::wire::pdu::{self, function};
@@ -22,7 +22,7 @@ const MAX_READ_WRITE_WORDS: u16 = 121;
 /// # Errors
 /// The exception code of the answer: 01 for a function that no unit has, 03 for a length, quantity, byte count or
 /// coil value that is wrong, 02 for a range that passes 0xFFFF.
-pub fn parse(pdu: &[u8]) -> Result<Ask, u8> {
+pub fn parse(pdu: &[u8]) -> Result<ModbusRequest, u8> {
     let (code, data) = pdu.split_first().ok_or(exception::ILLEGAL_FUNCTION)?;
     match *code {
         client::READ_COILS => read_bits(data, BitTable::Coils),
@@ -41,24 +41,24 @@ pub fn parse(pdu: &[u8]) -> Result<Ask, u8> {
     }
 }
 
-fn read_bits(data: &[u8], table: BitTable) -> Result<Ask, u8> {
+fn read_bits(data: &[u8], table: BitTable) -> Result<ModbusRequest, u8> {
     let (address, count, []) = split_head(data)? else {
         return Err(exception::ILLEGAL_DATA_VALUE);
     };
     check_range(address, count, MAX_READ_BITS)?;
-    Ok(Ask::ReadBits {
+    Ok(ModbusRequest::ReadBits {
         table,
         address,
         count,
     })
 }
 
-fn read_words(data: &[u8], table: WordTable) -> Result<Ask, u8> {
+fn read_words(data: &[u8], table: WordTable) -> Result<ModbusRequest, u8> {
     let (address, count, []) = split_head(data)? else {
         return Err(exception::ILLEGAL_DATA_VALUE);
     };
     check_range(address, count, pdu::MAX_READ_WORDS)?;
-    Ok(Ask::ReadWords {
+    Ok(ModbusRequest::ReadWords {
         table,
         address,
         count,
@@ -66,65 +66,65 @@ fn read_words(data: &[u8], table: WordTable) -> Result<Ask, u8> {
 }
 
 /// The sub-functions other than the loop test concern a device's own counters, which no unit has.
-fn loop_test(data: &[u8]) -> Result<Ask, u8> {
+fn loop_test(data: &[u8]) -> Result<ModbusRequest, u8> {
     match split_head(data)? {
-        (0, data, []) => Ok(Ask::LoopTest { data }),
+        (0, data, []) => Ok(ModbusRequest::LoopTest { data }),
         (0, ..) => Err(exception::ILLEGAL_DATA_VALUE),
         _ => Err(exception::ILLEGAL_FUNCTION),
     }
 }
 
-fn write_coil(data: &[u8]) -> Result<Ask, u8> {
+fn write_coil(data: &[u8]) -> Result<ModbusRequest, u8> {
     match split_head(data)? {
-        (address, client::COIL_ON, []) => Ok(Ask::WriteCoil { address, on: true }),
-        (address, 0, []) => Ok(Ask::WriteCoil { address, on: false }),
+        (address, client::COIL_ON, []) => Ok(ModbusRequest::WriteCoil { address, on: true }),
+        (address, 0, []) => Ok(ModbusRequest::WriteCoil { address, on: false }),
         _ => Err(exception::ILLEGAL_DATA_VALUE),
     }
 }
 
-fn write_word(data: &[u8]) -> Result<Ask, u8> {
+fn write_word(data: &[u8]) -> Result<ModbusRequest, u8> {
     let (address, value, []) = split_head(data)? else {
         return Err(exception::ILLEGAL_DATA_VALUE);
     };
-    Ok(Ask::WriteWord { address, value })
+    Ok(ModbusRequest::WriteWord { address, value })
 }
 
-fn write_coils(data: &[u8]) -> Result<Ask, u8> {
+fn write_coils(data: &[u8]) -> Result<ModbusRequest, u8> {
     let (address, count, [bytes, values @ ..]) = split_head(data)? else {
         return Err(exception::ILLEGAL_DATA_VALUE);
     };
     if usize::from(*bytes) != values.len() {
         return Err(exception::ILLEGAL_DATA_VALUE);
     }
-    let values = Bits::new(values, count).ok_or(exception::ILLEGAL_DATA_VALUE)?;
+    let values = PackedBits::new(values, count).ok_or(exception::ILLEGAL_DATA_VALUE)?;
     check_range(address, count, MAX_WRITE_BITS)?;
-    Ok(Ask::WriteCoils { address, values })
+    Ok(ModbusRequest::WriteCoils { address, values })
 }
 
-fn write_words(data: &[u8]) -> Result<Ask, u8> {
+fn write_words(data: &[u8]) -> Result<ModbusRequest, u8> {
     let (address, values) = block(data, pdu::MAX_WRITE_WORDS)?;
     check_address(address, values.len() as u16)?;
-    Ok(Ask::WriteWords { address, values })
+    Ok(ModbusRequest::WriteWords { address, values })
 }
 
-fn mask_word(data: &[u8]) -> Result<Ask, u8> {
+fn mask_word(data: &[u8]) -> Result<ModbusRequest, u8> {
     let (address, and, [high, low]) = split_head(data)? else {
         return Err(exception::ILLEGAL_DATA_VALUE);
     };
-    Ok(Ask::MaskWord {
+    Ok(ModbusRequest::MaskWord {
         address,
         and,
         or: u16::from_be_bytes([*high, *low]),
     })
 }
 
-fn read_write(data: &[u8]) -> Result<Ask, u8> {
+fn read_write(data: &[u8]) -> Result<ModbusRequest, u8> {
     let (read_address, read_count, write) = split_head(data)?;
     check_quantity(read_count, pdu::MAX_READ_WORDS)?;
     let (address, values) = block(write, MAX_READ_WRITE_WORDS)?;
     check_address(read_address, read_count)?;
     check_address(address, values.len() as u16)?;
-    Ok(Ask::ReadWriteWords {
+    Ok(ModbusRequest::ReadWriteWords {
         read_address,
         read_count,
         address,
@@ -133,9 +133,11 @@ fn read_write(data: &[u8]) -> Result<Ask, u8> {
 }
 
 /// Other transports than device identification are functions of their own, which no unit has.
-fn identify(data: &[u8]) -> Result<Ask, u8> {
+fn identify(data: &[u8]) -> Result<ModbusRequest, u8> {
     match *data {
-        [client::DEVICE_IDENTIFICATION, access, object] => Ok(Ask::Identify { access, object }),
+        [client::DEVICE_IDENTIFICATION, access, object] => {
+            Ok(ModbusRequest::Identify { access, object })
+        }
         [] | [client::DEVICE_IDENTIFICATION, ..] => Err(exception::ILLEGAL_DATA_VALUE),
         _ => Err(exception::ILLEGAL_FUNCTION),
     }
@@ -216,7 +218,7 @@ mod tests {
                 };
                 assert_eq!(
                     parse(&read(function, address, count)),
-                    Ok(Ask::ReadWords {
+                    Ok(ModbusRequest::ReadWords {
                         table,
                         address,
                         count
@@ -248,12 +250,12 @@ mod tests {
 
     #[test]
     fn writes_are_06_and_10_hex() {
-        let single = Ask::WriteWord {
+        let single = ModbusRequest::WriteWord {
             address: 0xFFFF,
             value: 0x1770,
         };
         assert_eq!(parse(&[6, 0xFF, 0xFF, 0x17, 0x70]), Ok(single));
-        let pair = Ask::WriteWords {
+        let pair = ModbusRequest::WriteWords {
             address: 4,
             values: vec![0xABAB, 0xABAB],
         };
@@ -305,7 +307,7 @@ mod tests {
             for (address, count) in [(0, 1), (0xFFFF, 1), (0, 2000), (0xF830, 2000)] {
                 assert_eq!(
                     parse(&read(function, address, count)),
-                    Ok(Ask::ReadBits {
+                    Ok(ModbusRequest::ReadBits {
                         table,
                         address,
                         count
@@ -333,14 +335,14 @@ mod tests {
     fn a_coil_is_on_or_off_and_nothing_else() {
         assert_eq!(
             parse(&[5, 0, 3, 0xFF, 0]),
-            Ok(Ask::WriteCoil {
+            Ok(ModbusRequest::WriteCoil {
                 address: 3,
                 on: true
             })
         );
         assert_eq!(
             parse(&[5, 0xFF, 0xFF, 0, 0]),
-            Ok(Ask::WriteCoil {
+            Ok(ModbusRequest::WriteCoil {
                 address: 0xFFFF,
                 on: false
             })
@@ -352,10 +354,10 @@ mod tests {
 
     #[test]
     fn coils_come_in_just_the_bytes_that_they_need() {
-        let values = Bits::new(&[0xCD, 0x01], 10).unwrap();
+        let values = PackedBits::new(&[0xCD, 0x01], 10).unwrap();
         assert_eq!(
             parse(&[0x0F, 0, 0x13, 0, 10, 2, 0xCD, 1]),
-            Ok(Ask::WriteCoils {
+            Ok(ModbusRequest::WriteCoils {
                 address: 0x13,
                 values
             })
@@ -387,7 +389,7 @@ mod tests {
 
     #[test]
     fn masks_are_16_hex() {
-        let mask = Ask::MaskWord {
+        let mask = ModbusRequest::MaskWord {
             address: 4,
             and: 0xF2,
             or: 0x25,
@@ -402,7 +404,12 @@ mod tests {
         }
     }
 
-    fn both(read: (u16, u16), write: (u16, u16), bytes: u8, data: usize) -> Result<Ask, u8> {
+    fn both(
+        read: (u16, u16),
+        write: (u16, u16),
+        bytes: u8,
+        data: usize,
+    ) -> Result<ModbusRequest, u8> {
         let mut pdu = vec![0x17];
         pdu::put_words(&mut pdu, &[read.0, read.1, write.0, write.1]);
         pdu.push(bytes);
@@ -412,7 +419,7 @@ mod tests {
 
     #[test]
     fn a_write_that_also_reads_is_17_hex() {
-        let ask = Ask::ReadWriteWords {
+        let ask = ModbusRequest::ReadWriteWords {
             read_address: 3,
             read_count: 6,
             address: 14,
@@ -449,14 +456,14 @@ mod tests {
     fn of_the_transports_only_device_identification_is_known() {
         assert_eq!(
             parse(&[0x2B, 0x0E, 1, 0]),
-            Ok(Ask::Identify {
+            Ok(ModbusRequest::Identify {
                 access: 1,
                 object: 0
             })
         );
         assert_eq!(
             parse(&[0x2B, 0x0E, 9, 0xFF]),
-            Ok(Ask::Identify {
+            Ok(ModbusRequest::Identify {
                 access: 9,
                 object: 0xFF
             })
@@ -501,7 +508,7 @@ mod tests {
     fn of_the_diagnostics_only_the_loop_test_is_known() {
         assert_eq!(
             parse(&[8, 0, 0, 0xA5, 0x37]),
-            Ok(Ask::LoopTest { data: 0xA537 })
+            Ok(ModbusRequest::LoopTest { data: 0xA537 })
         );
         assert_eq!(parse(&[8, 0, 1, 0, 0]), Err(1), "restart communications");
         for wrong in [&[8][..], &[8, 0, 0, 1], &[8, 0, 0, 1, 2, 3, 4]] {

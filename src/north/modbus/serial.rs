@@ -86,7 +86,7 @@ pub struct SlaveRequest {
 
 /// The open request.
 #[derive(Debug)]
-struct Open {
+struct OpenSerialRequest {
     number: u16,
     unit: u8,
     function: u8,
@@ -99,7 +99,7 @@ struct Open {
 
 /// The last frame that was sent, of which an echo may arrive.
 #[derive(Debug)]
-struct Sent {
+struct SentFrame {
     frame: Vec<u8>,
     /// When its last bit is sent.
     until: MonoTime,
@@ -111,7 +111,7 @@ struct Sent {
 /// [`next_wake`](Self::next_wake) is due, and after each of both [`next_request`](Self::next_request) and
 /// [`next_frame`](Self::next_frame).
 #[derive(Debug)]
-pub struct Slave {
+pub struct SerialSlave {
     settings: SlaveSettings,
     silence: Duration,
     bytes: Vec<u8>,
@@ -123,15 +123,15 @@ pub struct Slave {
     is_spoilt: bool,
     /// In order of arrival: writes, and last the open request.
     requests: VecDeque<SlaveRequest>,
-    open: Option<Open>,
-    sent: Option<Sent>,
+    open: Option<OpenSerialRequest>,
+    sent: Option<SentFrame>,
     /// Whether the last reply came back as an echo; `None` before the first.
     echoes: Option<bool>,
     last_number: u16,
     counters: SlaveCounters,
 }
 
-impl Slave {
+impl SerialSlave {
     /// A slave at a port that was opened at `now`.
     #[must_use]
     pub fn new(settings: SlaveSettings, now: MonoTime) -> Self {
@@ -236,7 +236,7 @@ impl Slave {
             now
         };
         self.busy_until = self.busy_until.max(until);
-        self.sent = Some(Sent {
+        self.sent = Some(SentFrame {
             frame: frame.clone(),
             until,
             echoed: 0,
@@ -413,7 +413,7 @@ impl Slave {
         let wait = self.settings.answer_within;
         let sending = exception_time(self.settings.link, self.settings.framing);
         let due = end + wait.saturating_sub(sending + MARGIN).max(self.silence);
-        self.open = Some(Open {
+        self.open = Some(OpenSerialRequest {
             number,
             unit,
             function,

@@ -7,9 +7,9 @@ use std::collections::BTreeMap;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct RoomId(u64);
 
-/// The slot of one connection; it is returned by [`Slots::leave`].
+/// The slot of one connection; it is returned by [`ClientSlots::leave`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Slot {
+pub enum ClientSlot {
     /// One that may have to give way.
     Ordinary {
         /// The room it belongs to.
@@ -23,7 +23,7 @@ pub enum Slot {
 
 /// What a new connection asks for.
 #[derive(Clone, Copy, Debug)]
-pub struct Newcomer {
+pub struct NewConnection {
     /// Its number, which no other connection has.
     pub asker: AskerId,
     /// Its listener's room.
@@ -36,11 +36,11 @@ pub struct Newcomer {
 
 /// What happens to a new connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Entry {
+pub enum NewcomerEntry {
     /// It has a slot.
-    Free(Slot),
+    Free(ClientSlot),
     /// It has the slot of this connection, which is to be closed.
-    InsteadOf(Slot, AskerId),
+    InsteadOf(ClientSlot, AskerId),
     /// All slots are taken, and no connection may be closed.
     Full,
 }
@@ -50,7 +50,7 @@ pub type IsBusy<'a> = &'a dyn Fn(AskerId) -> bool;
 
 /// The slots of all connections. Each call costs the logarithm of their number.
 #[derive(Debug)]
-pub struct Slots {
+pub struct ClientSlots {
     most: usize,
     last_room: u64,
     last_turn: u64,
@@ -60,7 +60,7 @@ pub struct Slots {
     priority: usize,
 }
 
-impl Slots {
+impl ClientSlots {
     /// Most connections, whatever the system grants: what one takes is a few kilobytes.
     pub const MOST: usize = 65_536;
     /// Slots that are reserved for priority, or a quarter of all if there are few.
@@ -96,7 +96,7 @@ impl Slots {
 
     /// Gives a new connection a slot, if necessary that of the connection that has been silent for longest: of its own
     /// room if that is full, else of all.
-    pub fn enter(&mut self, newcomer: Newcomer, is_busy: IsBusy<'_>) -> Entry {
+    pub fn enter(&mut self, newcomer: NewConnection, is_busy: IsBusy<'_>) -> NewcomerEntry {
         let gone = if newcomer.has_priority {
             let has_room = self.ordinary + self.priority < self.most;
             if has_room {
@@ -121,9 +121,9 @@ impl Slots {
             }
         };
         match gone {
-            None => Entry::Free(self.take(newcomer)),
-            Some(None) => Entry::Full,
-            Some(Some(gone)) => Entry::InsteadOf(self.take(newcomer), gone),
+            None => NewcomerEntry::Free(self.take(newcomer)),
+            Some(None) => NewcomerEntry::Full,
+            Some(Some(gone)) => NewcomerEntry::InsteadOf(self.take(newcomer), gone),
         }
     }
 
@@ -140,8 +140,8 @@ impl Slots {
 
     /// The connection at `slot` has sent a request: it gives way after all others. Returns its new slot.
     #[must_use]
-    pub fn active(&mut self, slot: Slot) -> Slot {
-        let Slot::Ordinary { room, turn } = slot else {
+    pub fn active(&mut self, slot: ClientSlot) -> ClientSlot {
+        let ClientSlot::Ordinary { room, turn } = slot else {
             return slot;
         };
         let Some(order) = self.rooms.get_mut(&room) else {
@@ -152,19 +152,19 @@ impl Slots {
         };
         self.last_turn += 1;
         order.insert(self.last_turn, asker);
-        Slot::Ordinary {
+        ClientSlot::Ordinary {
             room,
             turn: self.last_turn,
         }
     }
 
     /// The connection at `slot` was closed. One that had to give way no longer has a slot, which does no harm.
-    pub fn leave(&mut self, slot: Slot) {
+    pub fn leave(&mut self, slot: ClientSlot) {
         match slot {
-            Slot::Ordinary { room, turn } => {
+            ClientSlot::Ordinary { room, turn } => {
                 self.remove(room, turn);
             }
-            Slot::Priority => self.priority = self.priority.saturating_sub(1),
+            ClientSlot::Priority => self.priority = self.priority.saturating_sub(1),
         }
     }
 
@@ -176,10 +176,10 @@ impl Slots {
         self.rooms.get(&room).map_or(0, BTreeMap::len)
     }
 
-    fn take(&mut self, newcomer: Newcomer) -> Slot {
+    fn take(&mut self, newcomer: NewConnection) -> ClientSlot {
         if newcomer.has_priority {
             self.priority += 1;
-            return Slot::Priority;
+            return ClientSlot::Priority;
         }
         self.last_turn += 1;
         self.ordinary += 1;
@@ -187,7 +187,7 @@ impl Slots {
             .entry(newcomer.room)
             .or_default()
             .insert(self.last_turn, newcomer.asker);
-        Slot::Ordinary {
+        ClientSlot::Ordinary {
             room: newcomer.room,
             turn: self.last_turn,
         }
@@ -213,7 +213,7 @@ impl Slots {
     }
 }
 
-impl Default for Slots {
+impl Default for ClientSlots {
     fn default() -> Self {
         Self::new(Self::MOST)
     }
@@ -224,8 +224,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn newcomer(number: u64, room: RoomId) -> Newcomer {
-        Newcomer {
+    fn newcomer(number: u64, room: RoomId) -> NewConnection {
+        NewConnection {
             asker: AskerId(number),
             room,
             room_max: None,
@@ -237,15 +237,15 @@ mod tests {
         false
     }
 
-    fn slot(entry: Entry) -> Slot {
+    fn slot(entry: NewcomerEntry) -> ClientSlot {
         match entry {
-            Entry::Free(slot) | Entry::InsteadOf(slot, _) => slot,
-            Entry::Full => panic!("no slot"),
+            NewcomerEntry::Free(slot) | NewcomerEntry::InsteadOf(slot, _) => slot,
+            NewcomerEntry::Full => panic!("no slot"),
         }
     }
 
-    fn gone(entry: Entry) -> Option<u64> {
-        if let Entry::InsteadOf(_, asker) = entry {
+    fn gone(entry: NewcomerEntry) -> Option<u64> {
+        if let NewcomerEntry::InsteadOf(_, asker) = entry {
             Some(asker.0)
         } else {
             None
@@ -254,7 +254,7 @@ mod tests {
 
     #[test]
     fn the_one_that_was_silent_for_longest_gives_way() {
-        let mut slots = Slots::new(4);
+        let mut slots = ClientSlots::new(4);
         let room = slots.add_room();
         let first: Vec<_> = (0..3)
             .map(|number| slot(slots.enter(newcomer(number, room), &nobody)))
@@ -268,7 +268,7 @@ mod tests {
         slots.leave(last);
         assert!(matches!(
             slots.enter(newcomer(4, room), &nobody),
-            Entry::Free(_)
+            NewcomerEntry::Free(_)
         ));
         slots.leave(first[1]);
         assert_eq!(slots.active(first[1]), first[1], "who gave way has no slot");
@@ -281,7 +281,7 @@ mod tests {
 
     #[test]
     fn who_waits_for_an_answer_does_not_give_way() {
-        let mut slots = Slots::new(4);
+        let mut slots = ClientSlots::new(4);
         let room = slots.add_room();
         for number in 0..3 {
             slots.enter(newcomer(number, room), &nobody);
@@ -290,32 +290,37 @@ mod tests {
             gone(slots.enter(newcomer(3, room), &|asker| asker.0 != 1)),
             Some(1)
         );
-        assert_eq!(slots.enter(newcomer(4, room), &|_| true), Entry::Full);
+        assert_eq!(
+            slots.enter(newcomer(4, room), &|_| true),
+            NewcomerEntry::Full
+        );
         assert_eq!(slots.make_room(&|_| true), None);
         assert_eq!(slots.make_room(&nobody), Some(AskerId(0)));
     }
 
     #[test]
     fn priority_has_places_of_its_own_and_never_gives_way() {
-        let mut slots = Slots::new(100);
+        let mut slots = ClientSlots::new(100);
         let room = slots.add_room();
         let entries = (0..100).map(|number| slots.enter(newcomer(number, room), &nobody));
         assert_eq!(
-            entries.filter(|it| matches!(it, Entry::Free(_))).count(),
+            entries
+                .filter(|it| matches!(it, NewcomerEntry::Free(_)))
+                .count(),
             84
         );
-        let urgent = |number| Newcomer {
+        let urgent = |number| NewConnection {
             has_priority: true,
             ..newcomer(number, room)
         };
         for number in 100..116 {
             assert_eq!(
                 slots.enter(urgent(number), &|_| true),
-                Entry::Free(Slot::Priority),
+                NewcomerEntry::Free(ClientSlot::Priority),
                 "though all others wait"
             );
         }
-        assert_eq!(slots.enter(urgent(116), &|_| true), Entry::Full);
+        assert_eq!(slots.enter(urgent(116), &|_| true), NewcomerEntry::Full);
         for number in 117..201 {
             assert_eq!(
                 gone(slots.enter(urgent(number), &nobody)),
@@ -323,21 +328,24 @@ mod tests {
                 "an ordinary one"
             );
         }
-        assert_eq!(slots.enter(urgent(201), &nobody), Entry::Full);
-        assert_eq!(slots.enter(newcomer(202, room), &nobody), Entry::Full);
-        slots.leave(Slot::Priority);
+        assert_eq!(slots.enter(urgent(201), &nobody), NewcomerEntry::Full);
+        assert_eq!(
+            slots.enter(newcomer(202, room), &nobody),
+            NewcomerEntry::Full
+        );
+        slots.leave(ClientSlot::Priority);
         assert_eq!(
             slots.enter(urgent(203), &nobody),
-            Entry::Free(Slot::Priority)
+            NewcomerEntry::Free(ClientSlot::Priority)
         );
     }
 
     #[test]
     fn a_full_room_makes_room_itself_and_full_places_wherever_silence_was_longest() {
-        let mut slots = Slots::new(8);
+        let mut slots = ClientSlots::new(8);
         let small = slots.add_room();
         let other = slots.add_room();
-        let of_small = |number| Newcomer {
+        let of_small = |number| NewConnection {
             room_max: Some(2),
             ..newcomer(number, small)
         };
@@ -348,18 +356,18 @@ mod tests {
         slots.enter(of_small(5), &nobody);
         assert_eq!(gone(slots.enter(of_small(6), &nobody)), Some(4));
         assert_eq!(gone(slots.enter(newcomer(7, other), &nobody)), Some(0));
-        let urgent = Newcomer {
+        let urgent = NewConnection {
             has_priority: true,
             ..of_small(8)
         };
         assert_eq!(
             slots.enter(urgent, &nobody),
-            Entry::Free(Slot::Priority),
+            NewcomerEntry::Free(ClientSlot::Priority),
             "its room does not count it"
         );
         assert_eq!(
             gone(slots.enter(
-                Newcomer {
+                NewConnection {
                     room_max: Some(0),
                     ..newcomer(9, small)
                 },
@@ -371,19 +379,19 @@ mod tests {
 
     #[test]
     fn twenty_thousand_find_a_place() {
-        let mut slots = Slots::new(20_000);
+        let mut slots = ClientSlots::new(20_000);
         let room = slots.add_room();
         let mut last = None;
         for number in 0..40_000 {
             let entry = slots.enter(newcomer(number, room), &nobody);
             assert_eq!(
                 gone(entry),
-                number.checked_sub(20_000 - Slots::RESERVED as u64)
+                number.checked_sub(20_000 - ClientSlots::RESERVED as u64)
             );
             last = Some(slots.active(slot(entry)));
         }
         slots.leave(last.unwrap());
-        assert_eq!(slots.ordinary, 20_000 - Slots::RESERVED - 1);
+        assert_eq!(slots.ordinary, 20_000 - ClientSlots::RESERVED - 1);
     }
 
     #[derive(Clone, Debug)]
@@ -416,7 +424,7 @@ mod tests {
     struct Known {
         asker: u64,
         room: usize,
-        slot: Slot,
+        slot: ClientSlot,
     }
 
     proptest! {
@@ -425,13 +433,13 @@ mod tests {
             most in 1..24_usize,
             events in prop::collection::vec(event(), 0..120),
         ) {
-            let mut slots = Slots::new(most);
+            let mut slots = ClientSlots::new(most);
             let rooms = [slots.add_room(), slots.add_room()];
             let maxima = [Some(5), None];
-            let reserved = Slots::RESERVED.min(most / 4);
+            let reserved = ClientSlots::RESERVED.min(most / 4);
             let mut known: Vec<Known> = Vec::new();
             for (number, event) in (0_u64..).zip(events) {
-                let is_priority = |it: &Known| it.slot == Slot::Priority;
+                let is_priority = |it: &Known| it.slot == ClientSlot::Priority;
                 let priority = known.iter().filter(|it| is_priority(it)).count();
                 let ordinary = known.len() - priority;
                 let may_go = |it: &Known, room: Option<usize>, busy: u64| {
@@ -445,9 +453,9 @@ mod tests {
                         let is_full = is_room_full || ordinary + kept >= most;
                         let whose = is_room_full.then_some(room);
                         let right = known.iter().position(|it| may_go(it, whose, busy)).filter(|_| is_full);
-                        let newcomer = Newcomer { asker: AskerId(number), room: rooms[room], room_max: maxima[room], has_priority };
+                        let newcomer = NewConnection { asker: AskerId(number), room: rooms[room], room_max: maxima[room], has_priority };
                         let entry = slots.enter(newcomer, &|asker| busy >> (asker.0 % 64) & 1 == 1);
-                        prop_assert_eq!(entry == Entry::Full, is_full && right.is_none());
+                        prop_assert_eq!(entry == NewcomerEntry::Full, is_full && right.is_none());
                         prop_assert_eq!(gone(entry), right.map(|at| known[at].asker));
                         if let Some(at) = right {
                             let gone = known.remove(at);
@@ -455,7 +463,7 @@ mod tests {
                             prop_assert_eq!(slots.active(gone.slot), gone.slot);
                             slots.leave(gone.slot);
                         }
-                        if entry != Entry::Full {
+                        if entry != NewcomerEntry::Full {
                             known.push(Known { asker: number, room, slot: slot(entry) });
                         }
                     }

@@ -1,15 +1,15 @@
 //! What one of the gateway's own units makes of a request.
 
-use super::answer::Answer;
+use super::answer::ModbusAnswer;
 use super::refusal::exception_of;
-use super::words::Words;
+use super::words::WordBuffer;
 use crate::domain::command::{Order, Owner, Reason};
 use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
 
 /// When a unit is asked, and by which client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Present {
+pub struct RequestContext {
     /// Now.
     pub now: MonoTime,
     /// Seconds since the gateway's start.
@@ -22,7 +22,7 @@ pub struct Present {
 
 /// What is to be done with a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Taken {
+pub enum RequestAction {
     /// Answer with the words that were filled in.
     Words,
     /// Answer with these bits, at most 16, the first in the lowest.
@@ -46,7 +46,7 @@ pub enum Taken {
     Refused(Reason),
 }
 
-impl Taken {
+impl RequestAction {
     /// Calls `answer` with the answer that can be given at once; it is not called for an order. `words` are those that
     /// were filled in.
     ///
@@ -54,32 +54,32 @@ impl Taken {
     /// What has to be ordered first.
     pub fn at_once<T>(
         self,
-        words: &Words,
-        answer: impl FnOnce(Answer<'_>) -> T,
-    ) -> Result<T, Ordered> {
+        words: &WordBuffer,
+        answer: impl FnOnce(ModbusAnswer<'_>) -> T,
+    ) -> Result<T, RequestedOrder> {
         Ok(match self {
-            Self::Words => answer(Answer::Words(words.as_slice())),
+            Self::Words => answer(ModbusAnswer::Words(words.as_slice())),
             Self::Bits { bits, count } => {
                 let bytes = bits.to_le_bytes();
-                answer(Answer::Bits(
+                answer(ModbusAnswer::Bits(
                     bytes
                         .get(..usize::from(count.div_ceil(8)))
                         .unwrap_or_default(),
                 ))
             }
-            Self::Identity(bytes) => answer(Answer::Identity(&bytes)),
-            Self::Nothing => answer(Answer::Written),
-            Self::Exception(code) => answer(Answer::Exception(code)),
-            Self::Refused(reason) => answer(Answer::Exception(exception_of(reason))),
-            Self::Order(order) => return Err(Ordered::One(order)),
-            Self::StopAll => return Err(Ordered::StopAll),
+            Self::Identity(bytes) => answer(ModbusAnswer::Identity(&bytes)),
+            Self::Nothing => answer(ModbusAnswer::Written),
+            Self::Exception(code) => answer(ModbusAnswer::Exception(code)),
+            Self::Refused(reason) => answer(ModbusAnswer::Exception(exception_of(reason))),
+            Self::Order(order) => return Err(RequestedOrder::One(order)),
+            Self::StopAll => return Err(RequestedOrder::StopAll),
         })
     }
 }
 
 /// What has to be ordered before there is an answer.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Ordered {
+pub enum RequestedOrder {
     /// An order for the addressed drive.
     One(Order),
     /// A stop of every drive that is served and has control.
@@ -92,12 +92,12 @@ mod tests {
 
     #[test]
     fn what_needs_no_drive_is_an_answer_at_once() {
-        let mut words = Words::default();
+        let mut words = WordBuffer::default();
         words.fill(1, 2, Some);
-        let text = |taken: Taken| taken.at_once(&words, |answer| format!("{answer:?}"));
-        assert_eq!(text(Taken::Words).unwrap(), "Words([1, 2])");
+        let text = |taken: RequestAction| taken.at_once(&words, |answer| format!("{answer:?}"));
+        assert_eq!(text(RequestAction::Words).unwrap(), "Words([1, 2])");
         assert_eq!(
-            text(Taken::Bits {
+            text(RequestAction::Bits {
                 bits: 0x0305,
                 count: 8
             })
@@ -105,24 +105,27 @@ mod tests {
             "Bits([5])"
         );
         assert_eq!(
-            text(Taken::Bits {
+            text(RequestAction::Bits {
                 bits: 0x0305,
                 count: 10
             })
             .unwrap(),
             "Bits([5, 3])"
         );
-        assert_eq!(text(Taken::Identity(vec![7])).unwrap(), "Identity([7])");
-        assert_eq!(text(Taken::Nothing).unwrap(), "Written");
-        assert_eq!(text(Taken::Exception(2)).unwrap(), "Exception(2)");
         assert_eq!(
-            text(Taken::Refused(Reason::NotListed)).unwrap(),
+            text(RequestAction::Identity(vec![7])).unwrap(),
+            "Identity([7])"
+        );
+        assert_eq!(text(RequestAction::Nothing).unwrap(), "Written");
+        assert_eq!(text(RequestAction::Exception(2)).unwrap(), "Exception(2)");
+        assert_eq!(
+            text(RequestAction::Refused(Reason::NotListed)).unwrap(),
             "Exception(2)"
         );
         assert_eq!(
-            text(Taken::Order(Order::Renew)),
-            Err(Ordered::One(Order::Renew))
+            text(RequestAction::Order(Order::Renew)),
+            Err(RequestedOrder::One(Order::Renew))
         );
-        assert_eq!(text(Taken::StopAll), Err(Ordered::StopAll));
+        assert_eq!(text(RequestAction::StopAll), Err(RequestedOrder::StopAll));
     }
 }

@@ -3,8 +3,8 @@
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::{DriveIndex, Name, UnitId};
 use crate::domain::time::MonoTime;
-use crate::drive::description::{DriveDescription, DriveRef, Points};
-use crate::drive::snapshot::Presence;
+use crate::drive::description::{DriveDescription, DriveRef, PointSettings};
+use crate::drive::snapshot::DrivePresence;
 use crate::drive::usage::{UsageParts, UsageTotals, UsageView};
 use crate::drive::view::{ControlView, DriveView, RunState};
 use crate::profile::catalog::Catalog;
@@ -85,10 +85,10 @@ pub(super) fn description() -> DriveDescription {
         unit: UnitId::new(1).unwrap(),
         uniform_unit: UnitId::new(101).unwrap(),
         group: None,
-        pace: crate::drive::plan::Pace::new(Duration::from_secs(1), 1.0),
-        ratings: crate::drive::description::Ratings::default(),
+        pace: crate::drive::plan::PollPace::new(Duration::from_secs(1), 1.0),
+        ratings: crate::drive::description::DriveRatings::default(),
         control: Some(Arc::new(settings())),
-        points: Points::default(),
+        points: PointSettings::default(),
     }
 }
 
@@ -109,7 +109,7 @@ pub(super) fn view() -> DriveView {
         run_state: RunState::Forward,
         ..DriveView::default()
     };
-    view.snapshot.presence = Presence::Online;
+    view.snapshot.presence = DrivePresence::Online;
     let words = [
         4250,
         1234,

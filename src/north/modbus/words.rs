@@ -6,12 +6,12 @@ const WORDS: usize = MAX_READ_WORDS as usize;
 
 /// Up to 125 words, without heap memory.
 #[derive(Clone, Debug)]
-pub struct Words {
+pub struct WordBuffer {
     words: [u16; WORDS],
     len: usize,
 }
 
-impl Default for Words {
+impl Default for WordBuffer {
     fn default() -> Self {
         Self {
             words: [0; WORDS],
@@ -20,7 +20,7 @@ impl Default for Words {
     }
 }
 
-impl Words {
+impl WordBuffer {
     /// Fills in the words that `word` has for each of `count` addresses from `address` on. Returns whether it had one
     /// for each and all fit.
     pub fn fill(
@@ -54,7 +54,7 @@ mod tests {
 
     #[test]
     fn there_is_no_partial_answer() {
-        let mut words = Words::default();
+        let mut words = WordBuffer::default();
         assert!(words.fill(7, 125, Some));
         assert_eq!(words.as_slice(), (7..132).collect::<Vec<u16>>());
         assert!(words.fill(1, 2, Some));

@@ -1,23 +1,23 @@
 //! Answers of the lines: each becomes a result, and a read also its value.
 
-use super::dispatch::{Asker, Context};
+use super::dispatch::{AnswerContext, MqttAsker};
 use super::params::label;
-use super::payload::Refused;
-use super::results::{Reply, ResultContent, values};
-use super::session::Session;
+use super::payload::RefusedCommand;
+use super::results::{ReplyTopic, ResultContent, values};
+use super::session::MqttSession;
 use crate::domain::command::{CommandAnswer, Order, Outcome, Owner, Reason, Report};
 use crate::domain::ids::{AskerId, Ticket};
 use crate::domain::native::{NativeAnswer, NativeOutcome};
 use crate::drive::snapshot::ValueReading;
-use crate::north::broker::{Pending, Request, refused_frequency};
-use crate::north::clock::Moment;
+use crate::north::broker::{DriveRequest, PendingRequest, refused_frequency};
+use crate::north::clock::ClockMoment;
 use crate::north::shown::message;
 use serde_json::{Map, Value, json};
 
-impl Session {
+impl MqttSession {
     /// Takes the current outcome of a command. Answers to others, or to commands that are no longer pending, are
     /// ignored.
-    pub fn command_answer(&mut self, at: Moment, answer: &CommandAnswer) {
+    pub fn command_answer(&mut self, at: ClockMoment, answer: &CommandAnswer) {
         self.clock.see(at);
         if answer.asker != AskerId::MQTT {
             return;
@@ -34,7 +34,7 @@ impl Session {
     }
 
     /// Takes the answer to a read. Answers to others, or to reads that are no longer pending, are ignored.
-    pub fn native_answer(&mut self, at: Moment, answer: &NativeAnswer) {
+    pub fn native_answer(&mut self, at: ClockMoment, answer: &NativeAnswer) {
         self.clock.see(at);
         if answer.asker != AskerId::MQTT {
             return;
@@ -42,7 +42,7 @@ impl Session {
         let Some(pending) = self.commands.take(answer.ticket) else {
             return;
         };
-        let (Request::Read(register), NativeOutcome::Words(words)) =
+        let (DriveRequest::Read(register), NativeOutcome::Words(words)) =
             (&pending.request, &answer.outcome)
         else {
             return self.end(at, &pending, answer.outcome.read_failure());
@@ -71,7 +71,7 @@ impl Session {
     }
 
     /// Takes the notice that a line could not accept the request with this ticket, because its inbox was full.
-    pub fn refused_by_line(&mut self, at: Moment, ticket: Ticket) {
+    pub fn refused_by_line(&mut self, at: ClockMoment, ticket: Ticket) {
         self.clock.see(at);
         if let Some((pending, report)) = self.commands.refused_by_line(ticket) {
             self.end(at, &pending, report);
@@ -79,10 +79,15 @@ impl Session {
     }
 
     /// Publishes the final result of a command or read.
-    pub(super) fn tell_end(&mut self, at: Moment, pending: &Pending<Context>, report: Report) {
+    pub(super) fn tell_end(
+        &mut self,
+        at: ClockMoment,
+        pending: &PendingRequest<AnswerContext>,
+        report: Report,
+    ) {
         // Renewals arrive all the time; only their refusal is news.
         let is_done = matches!(report.outcome, Outcome::Acknowledged | Outcome::Confirmed);
-        let is_renewal = pending.request == Request::Order(Order::Renew);
+        let is_renewal = pending.request == DriveRequest::Order(Order::Renew);
         if !(is_renewal && is_done && pending.context.reply.is_none()) {
             self.tell_stage(at, pending, report, true);
         }
@@ -90,14 +95,14 @@ impl Session {
 
     fn tell_stage(
         &mut self,
-        at: Moment,
-        pending: &Pending<Context>,
+        at: ClockMoment,
+        pending: &PendingRequest<AnswerContext>,
         report: Report,
         is_final: bool,
     ) {
         let values = match &pending.request {
-            Request::Order(order) => values(&self.drives[pending.drive].model, order, &report),
-            Request::Read(_) => Map::new(),
+            DriveRequest::Order(order) => values(&self.drives[pending.drive].model, order, &report),
+            DriveRequest::Read(_) => Map::new(),
         };
         let message = refused_frequency(&self.drives[pending.drive], &pending.request, report)
             .or_else(|| {
@@ -118,7 +123,7 @@ impl Session {
             &pending.context.id,
             pending.context.reply.as_ref(),
         );
-        let stage = Stage {
+        let stage = ResultStage {
             report,
             is_final,
             is_repeat: false,
@@ -130,8 +135,8 @@ impl Session {
 
     fn end_read(
         &mut self,
-        at: Moment,
-        pending: &Pending<Context>,
+        at: ClockMoment,
+        pending: &PendingRequest<AnswerContext>,
         register: usize,
         reading: ValueReading,
     ) {
@@ -148,7 +153,7 @@ impl Session {
         self.telemetry
             .take_param(pending.drive, register, reading, topic);
         let report = Report::new(Outcome::Confirmed, Reason::None);
-        let stage = Stage {
+        let stage = ResultStage {
             report,
             is_final: true,
             is_repeat: false,
@@ -170,14 +175,14 @@ impl Session {
     /// Publishes the first outcome of a repeated command.
     pub(super) fn tell_again(
         &mut self,
-        at: Moment,
+        at: ClockMoment,
         drive: usize,
-        asker: &Asker,
+        asker: &MqttAsker,
         order: &Order,
         report: Report,
     ) {
         let values = values(&self.drives[drive].model, order, &report);
-        let stage = Stage {
+        let stage = ResultStage {
             report,
             is_final: true,
             is_repeat: true,
@@ -194,12 +199,12 @@ impl Session {
 
     fn tell(
         &mut self,
-        at: Moment,
+        at: ClockMoment,
         drive: usize,
-        (by, id, reply): (Owner, &Value, Option<&Reply>),
-        stage: Stage,
+        (by, id, reply): (Owner, &Value, Option<&ReplyTopic>),
+        stage: ResultStage,
     ) {
-        let Stage {
+        let ResultStage {
             report,
             is_final,
             is_repeat,
@@ -227,13 +232,13 @@ impl Session {
     /// Publishes why an input is refused that no line ever saw.
     pub(super) fn tell_refusal(
         &mut self,
-        at: Moment,
+        at: ClockMoment,
         drive: &str,
         topic: String,
-        asker: &Asker,
-        refused: &Refused,
+        asker: &MqttAsker,
+        refused: &RefusedCommand,
     ) {
-        let Asker { by, id, reply } = asker;
+        let MqttAsker { by, id, reply } = asker;
         let report = Report::refused(refused.reason);
         let message = Some(refused.message.as_str());
         let values = Map::new();
@@ -257,7 +262,7 @@ impl Session {
 }
 
 /// The result of a command that a line saw.
-struct Stage {
+struct ResultStage {
     report: Report,
     is_final: bool,
     is_repeat: bool,

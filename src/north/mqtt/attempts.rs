@@ -1,18 +1,18 @@
 //! How a message that attempted a write but gave no command is recorded in the journal.
 
 use super::payload::short;
-use super::session::Session;
+use super::session::MqttSession;
 use super::topics::InputAddress;
 use crate::domain::command::{Owner, Report};
-use crate::journal::Tried;
+use crate::journal::TriedWrite;
 
-impl Session {
+impl MqttSession {
     /// Records an attempt that no line sees. `drive` is its place in the session's list.
     pub(super) fn keep(
         &mut self,
         drive: Option<usize>,
         owner: Owner,
-        tried: Option<Tried>,
+        tried: Option<TriedWrite>,
         report: Report,
     ) {
         let place = drive
@@ -23,12 +23,12 @@ impl Session {
 }
 
 /// What a payload that is no order attempts at `place`; an empty one attempts nothing.
-pub(super) fn of_text(place: InputAddress<'_>, topic: &str, payload: &[u8]) -> Option<Tried> {
+pub(super) fn of_text(place: InputAddress<'_>, topic: &str, payload: &[u8]) -> Option<TriedWrite> {
     (place.input.is_attempt() && !payload.is_empty()).then(|| text(topic, payload))
 }
 
 /// A message that is no order, as received, shortened: the last levels of its topic, and its payload.
-pub(super) fn text(topic: &str, payload: &[u8]) -> Tried {
+pub(super) fn text(topic: &str, payload: &[u8]) -> TriedWrite {
     const TOPIC_CHARS: usize = 80;
     /// More than are shown, so that a character cut in half is not.
     const PAYLOAD_BYTES: usize = 256;
@@ -37,7 +37,7 @@ pub(super) fn text(topic: &str, payload: &[u8]) -> Tried {
     let topic: String = topic.chars().skip(skipped).collect();
     let payload = String::from_utf8_lossy(start);
     let visible = |c: char| if c.is_control() { ' ' } else { c };
-    Tried::Text(
+    TriedWrite::Text(
         format!("{topic}: {}", short(&payload))
             .chars()
             .map(visible)
@@ -52,7 +52,7 @@ mod tests {
     #[test]
     fn a_message_is_kept_as_it_came_but_short_and_on_one_line() {
         let shown = |topic: &str, payload: &[u8]| match text(topic, payload) {
-            Tried::Text(text) => text,
+            TriedWrite::Text(text) => text,
             other => panic!("{other:?}"),
         };
         assert_eq!(

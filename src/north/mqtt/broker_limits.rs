@@ -1,10 +1,10 @@
 //! What the broker keeps from the session: packets above its limit, retained messages, and clients that are gone.
 
-use super::session::Session;
+use super::session::MqttSession;
 use super::types::LeaseMode;
-use crate::north::broker::{Oversized, Publication};
+use crate::north::broker::{OversizedPublication, Publication};
 
-impl Session {
+impl MqttSession {
     /// `publication` as this broker accepts it; `None` if it does not. A publication that is too large would end the
     /// connection again and again.
     pub(super) fn admitted(&mut self, mut publication: Publication) -> Option<Publication> {
@@ -15,7 +15,7 @@ impl Session {
             .filter(|most| bytes > *most);
         let is_too_large = limit.is_some();
         match limit {
-            Some(limit) => self.oversized.add(Oversized {
+            Some(limit) => self.oversized.add(OversizedPublication {
                 topic: publication.topic.clone(),
                 bytes,
                 limit,
@@ -47,12 +47,12 @@ impl Session {
 
     /// What is not published because it is larger than the broker takes.
     #[must_use]
-    pub fn oversized(&self) -> &[Oversized] {
+    pub fn oversized(&self) -> &[OversizedPublication] {
         self.oversized.all()
     }
 
     /// A publication larger than the broker takes that was not reported yet; each is returned once.
-    pub fn next_oversized(&mut self) -> Option<Oversized> {
+    pub fn next_oversized(&mut self) -> Option<OversizedPublication> {
         self.oversized.next_untold()
     }
 }

@@ -2,10 +2,10 @@
 //! gateway is ever given the wall clock.
 
 use super::harness::{EPOCH_MS, Rig, Staged, commands, result};
-use super::types::Act;
+use super::types::MqttAct;
 use crate::domain::command::{Outcome, Reason};
 use crate::domain::time::MonoTime;
-use crate::north::broker::{Event, Publication, Version};
+use crate::north::broker::{BrokerEvent, MqttVersion, Publication};
 use serde_json::Value;
 
 const HOUR_MS: i64 = 3_600_000;
@@ -30,10 +30,10 @@ fn take_labels(value: &mut Value) {
 }
 
 /// What is done, without labels. A trip that is shown with its moment is shown again when that moment changes.
-fn done(acts: Vec<Act>) -> Vec<String> {
-    let told = |act: Act| match act {
-        Act::Publish(it) if it.topic.ends_with("/trip/last") => None,
-        Act::Publish(it) => Some(format!(
+fn done(acts: Vec<MqttAct>) -> Vec<String> {
+    let told = |act: MqttAct| match act {
+        MqttAct::Publish(it) if it.topic.ends_with("/trip/last") => None,
+        MqttAct::Publish(it) => Some(format!(
             "{:?} {:?}",
             unlabelled(&it),
             (it.retain, it.qos, it.expiry)
@@ -46,9 +46,9 @@ fn done(acts: Vec<Act>) -> Vec<String> {
 /// Ten minutes of a plant with all features, with the wall clock set as `steps` say, one after each part.
 fn played(steps: &[i64]) -> Vec<String> {
     let mut steps = steps.iter().copied().cycle();
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let mut all = Vec::new();
-    let mut part = |rig: &mut Rig, acts: Vec<Act>| {
+    let mut part = |rig: &mut Rig, acts: Vec<MqttAct>| {
         all.extend(done(acts));
         all.push(format!(
             "{:?} {:?}",
@@ -79,7 +79,7 @@ fn played(steps: &[i64]) -> Vec<String> {
         let acts = rig.pass(40_000);
         part(&mut rig, acts);
         if round % 4 == 3 {
-            rig.handle(Event::Lost);
+            rig.handle(BrokerEvent::Lost);
             let acts = rig.connect();
             part(&mut rig, acts);
         }
@@ -109,7 +109,7 @@ fn a_wall_clock_that_is_set_changes_labels_only() {
 
 #[test]
 fn issued_at_is_held_against_the_wall_clock_as_it_is_now() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     for set_by in [0, HOUR_MS, -HOUR_MS, YEAR_MS] {
         rig.wall_set_by = set_by;
         rig.pass(2_000);

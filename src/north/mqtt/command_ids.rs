@@ -15,14 +15,14 @@ const KEPT_FOR: Duration = Duration::from_secs(600);
 /// The ids of one drive, oldest first.
 #[derive(Debug, Default)]
 pub(super) struct CommandIds {
-    ids: VecDeque<Used>,
+    ids: VecDeque<UsedId>,
     /// Ids of commands that no drive ever saw. They have room of their own, so that a flood of them displaces no
     /// executed id.
-    refused: VecDeque<Used>,
+    refused: VecDeque<UsedId>,
 }
 
 #[derive(Debug)]
-struct Used {
+struct UsedId {
     /// Each client has ids of its own.
     by: Owner,
     id: Value,
@@ -55,7 +55,7 @@ impl CommandIds {
         epoch: Option<u64>,
     ) -> IdState {
         let is_known =
-            |used: &&Used| used.by == by && used.id == *id && at.since(used.at) < KEPT_FOR;
+            |used: &&UsedId| used.by == by && used.id == *id && at.since(used.at) < KEPT_FOR;
         let used = self.ids.iter().chain(&self.refused).find(is_known);
         match used {
             None => IdState::New,
@@ -75,7 +75,7 @@ impl CommandIds {
     ) {
         push(
             &mut self.ids,
-            Used {
+            UsedId {
                 by,
                 id,
                 order,
@@ -100,7 +100,7 @@ impl CommandIds {
         let outcome = Some(report);
         push(
             &mut self.refused,
-            Used {
+            UsedId {
                 by,
                 id,
                 order,
@@ -125,7 +125,7 @@ impl CommandIds {
     }
 }
 
-fn push(ids: &mut VecDeque<Used>, used: Used) {
+fn push(ids: &mut VecDeque<UsedId>, used: UsedId) {
     while ids
         .front()
         .is_some_and(|oldest| used.at.since(oldest.at) >= KEPT_FOR)

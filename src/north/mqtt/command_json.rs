@@ -2,9 +2,9 @@
 
 use super::params;
 use super::payload::{InputCommand, go, stop_order};
-use crate::domain::command::{Go, Order, Reason, RegisterWrite};
+use crate::domain::command::{GoOrder, Order, Reason, RegisterWrite};
 use crate::north::command_words::{
-    Refused, RunWord, beside_a_stop, frequency, keys_stand_once, known_keys, not_a_number,
+    RefusedCommand, RunWord, beside_a_stop, frequency, keys_stand_once, known_keys, not_a_number,
     not_understood, object, only_true, run, short, stop_in,
 };
 use crate::profile::model::Model;
@@ -31,7 +31,7 @@ const TTL_MAX_MS: u64 = 60_000;
 pub(super) fn read(
     payload: &[u8],
     model: &Model,
-) -> (Option<Value>, Result<InputCommand, Refused>) {
+) -> (Option<Value>, Result<InputCommand, RefusedCommand>) {
     let (id, wish) = whole_command(payload, model);
     let Some(stop) = stop_in(payload) else {
         return (id, wish);
@@ -47,23 +47,26 @@ pub(super) fn read(
     )
 }
 
-fn whole_command(payload: &[u8], model: &Model) -> (Option<Value>, Result<InputCommand, Refused>) {
+fn whole_command(
+    payload: &[u8],
+    model: &Model,
+) -> (Option<Value>, Result<InputCommand, RefusedCommand>) {
     let object = match object(payload, EXAMPLE) {
         Ok(object) => object,
         Err(refused) => return (None, Err(refused)),
     };
     match id(&object) {
-        Ok(id) => (id.clone(), wish(id, &object, payload, model)),
+        Ok(id) => (id.clone(), parse_input_command(id, &object, payload, model)),
         Err(refused) => (None, Err(refused)),
     }
 }
 
-fn wish(
+fn parse_input_command(
     id: Option<Value>,
     object: &Map<String, Value>,
     payload: &[u8],
     model: &Model,
-) -> Result<InputCommand, Refused> {
+) -> Result<InputCommand, RefusedCommand> {
     known_keys(object, &KEYS)?;
     keys_stand_once(payload, object)?;
     Ok(InputCommand {
@@ -87,7 +90,7 @@ fn wish(
     })
 }
 
-fn id(object: &Map<String, Value>) -> Result<Option<Value>, Refused> {
+fn id(object: &Map<String, Value>) -> Result<Option<Value>, RefusedCommand> {
     let fits = |id: &Value| match id {
         Value::String(text) => (1..=ID_MAX_CHARS).contains(&text.chars().count()),
         other => other.is_i64() || other.is_u64(),
@@ -101,7 +104,7 @@ fn id(object: &Map<String, Value>) -> Result<Option<Value>, Refused> {
     }
 }
 
-fn ttl(object: &Map<String, Value>) -> Result<Option<Duration>, Refused> {
+fn ttl(object: &Map<String, Value>) -> Result<Option<Duration>, RefusedCommand> {
     let in_range = |value: &Value| value.as_u64().filter(|ttl| (1..=TTL_MAX_MS).contains(ttl));
     let ttl = whole(
         object,
@@ -117,7 +120,7 @@ fn whole<T>(
     key: &str,
     right: &str,
     take: impl Fn(&Value) -> Option<T>,
-) -> Result<Option<T>, Refused> {
+) -> Result<Option<T>, RefusedCommand> {
     let Some(value) = object.get(key) else {
         return Ok(None);
     };
@@ -125,7 +128,7 @@ fn whole<T>(
     Ok(Some(taken))
 }
 
-fn order(object: &Map<String, Value>, model: &Model) -> Result<Order, Refused> {
+fn order(object: &Map<String, Value>, model: &Model) -> Result<Order, RefusedCommand> {
     let run = run(object)?;
     // A stop is carried out whatever else the message contains, and nothing else of that message is.
     match run {
@@ -150,7 +153,10 @@ fn order(object: &Map<String, Value>, model: &Model) -> Result<Order, Refused> {
     }
 }
 
-fn registers(object: &Map<String, Value>, model: &Model) -> Result<Vec<RegisterWrite>, Refused> {
+fn registers(
+    object: &Map<String, Value>,
+    model: &Model,
+) -> Result<Vec<RegisterWrite>, RefusedCommand> {
     let params = match object.get("param") {
         None => return Ok(Vec::new()),
         Some(Value::Object(params)) => params,
@@ -160,9 +166,12 @@ fn registers(object: &Map<String, Value>, model: &Model) -> Result<Vec<RegisterW
             ));
         }
     };
-    if params.len() > Go::REGISTERS_MAX {
-        let message = format!("`param` takes at most {} parameters", Go::REGISTERS_MAX);
-        return Err(Refused::new(Reason::TooManyFrames, message));
+    if params.len() > GoOrder::REGISTERS_MAX {
+        let message = format!(
+            "`param` takes at most {} parameters",
+            GoOrder::REGISTERS_MAX
+        );
+        return Err(RefusedCommand::new(Reason::TooManyFrames, message));
     }
     let mut writes: Vec<RegisterWrite> = Vec::with_capacity(params.len());
     for (code, value) in params {
@@ -181,8 +190,8 @@ fn registers(object: &Map<String, Value>, model: &Model) -> Result<Vec<RegisterW
     Ok(writes)
 }
 
-fn conflict(message: &str) -> Refused {
-    Refused::new(Reason::Conflict, message)
+fn conflict(message: &str) -> RefusedCommand {
+    RefusedCommand::new(Reason::Conflict, message)
 }
 
 #[cfg(test)]

@@ -1,18 +1,20 @@
 //! The effects of messages: commands, refusals, results.
 
 use super::harness::{
-    EPOCH_MS, Rig, Staged, commands, kept, message, on, orders, publications, reads, result,
-    results, settings, told,
+    EPOCH_MS, Rig, Staged, commands, kept, message, on, orders, publications, published_texts,
+    reads, result, results, settings,
 };
-use super::types::{Act, Settings};
-use crate::domain::command::{Direction, Go, Order, Outcome, Owner, Reason, RegisterWrite, Report};
+use super::types::{MqttAct, Settings};
+use crate::domain::command::{
+    Direction, GoOrder, Order, Outcome, Owner, Reason, RegisterWrite, Report,
+};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{AskerId, CommanderName};
-use crate::domain::native::{NativeAnswer, NativeAsk, NativeOutcome, Refusal};
+use crate::domain::native::{NativeAnswer, NativeAsk, NativeOutcome, NativeRefusal};
 use crate::domain::time::MonoTime;
 use crate::drive::view::ControlView;
-use crate::journal::Tried;
-use crate::north::broker::{Event, Message, Publication, Qos, Version};
+use crate::journal::TriedWrite;
+use crate::north::broker::{BrokerEvent, BrokerMessage, MqttVersion, Publication, Qos};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::time::Duration;
@@ -34,12 +36,14 @@ const INPUTS: [(&str, &[u8]); 11] = [
 ];
 
 fn go(registers: Vec<RegisterWrite>, frequency: Option<u32>, run: Option<Direction>) -> Order {
-    Order::Go(Go::new(registers, frequency.map(Hertz::from_millihertz), run).expect("an order"))
+    Order::Go(
+        GoOrder::new(registers, frequency.map(Hertz::from_millihertz), run).expect("an order"),
+    )
 }
 
 /// An order to run, and its effect while no probe returns.
-fn run_without_echo(rig: &mut Rig) -> Vec<Act> {
-    rig.handle(Event::Message(message(
+fn run_without_echo(rig: &mut Rig) -> Vec<MqttAct> {
+    rig.handle(BrokerEvent::Message(message(
         "vfd/plant/drive/pump/run/set",
         b"forward",
     )));
@@ -47,9 +51,10 @@ fn run_without_echo(rig: &mut Rig) -> Vec<Act> {
 }
 
 /// The probe that is sent.
-fn probe(acts: &[Act]) -> Publication {
-    let is_probe = |act: &&Act| matches!(act, Act::Publish(it) if it.topic == "vfd/plant/probe");
-    let Some(Act::Publish(probe)) = acts.iter().find(is_probe) else {
+fn probe(acts: &[MqttAct]) -> Publication {
+    let is_probe =
+        |act: &&MqttAct| matches!(act, MqttAct::Publish(it) if it.topic == "vfd/plant/probe");
+    let Some(MqttAct::Publish(probe)) = acts.iter().find(is_probe) else {
         panic!("no probe in {acts:?}")
     };
     probe.clone()
@@ -105,7 +110,7 @@ fn each_input_becomes_its_order() {
         ),
     ];
     for (input, payload, order) in table {
-        let mut rig = Rig::born(Version::V5);
+        let mut rig = Rig::born(MqttVersion::V5);
         let acts = rig.send(&format!("drive/pump/{input}"), payload);
         assert_eq!(orders(&acts), [&order], "{input}");
         assert_eq!(results(&acts), [Value::Null; 0]);
@@ -124,7 +129,7 @@ fn each_input_becomes_its_order() {
 
 #[test]
 fn what_comes_under_a_name_is_answered_with_it_and_no_other_word_is_a_name() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let acts = rig.send("by/plc-2/drive/pump/run/set", b"forward");
     let plc_1 = Owner::MqttBy(CommanderName::new("plc-1").expect("a name"));
     let lease = Some((plc_1, MonoTime::from_millis(9_000)));
@@ -164,7 +169,7 @@ fn what_comes_under_a_name_is_answered_with_it_and_no_other_word_is_a_name() {
 
 #[test]
 fn ids_belong_to_their_commander() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let command = br#"{"id":7,"frequency_hz":42.5}"#;
     for topic in [
         "drive/pump/command",
@@ -181,17 +186,17 @@ fn ids_belong_to_their_commander() {
 }
 
 /// A topic, a payload, what that attempts and who, and why it has no effect.
-type Case<'a> = (&'a str, &'a [u8], (Tried, Owner), Reason);
+type Case<'a> = (&'a str, &'a [u8], (TriedWrite, Owner), Reason);
 
 /// What `order` attempts, and who attempted it.
-fn of_everybody(order: Order) -> (Tried, Owner) {
-    (Tried::Order(order), Owner::Mqtt)
+fn of_everybody(order: Order) -> (TriedWrite, Owner) {
+    (TriedWrite::Order(order), Owner::Mqtt)
 }
 
 #[test]
 fn what_comes_to_nothing_is_kept_with_who_what_and_why() {
     let run = || go(vec![], None, Some(Direction::Forward));
-    let text = |text: &str| (Tried::Text(text.to_owned()), Owner::Mqtt);
+    let text = |text: &str| (TriedWrite::Text(text.to_owned()), Owner::Mqtt);
     let large = vec![b'1'; 9_000];
     let table: [Case<'_>; 7] = [
         (
@@ -234,7 +239,7 @@ fn what_comes_to_nothing_is_kept_with_who_what_and_why() {
             "by/plc-2/drive/pump/frequency/set",
             &large,
             (
-                Tried::Text(format!(
+                TriedWrite::Text(format!(
                     "by/plc-2/drive/pump/frequency/set: {}\u{2026}",
                     "1".repeat(40)
                 )),
@@ -244,10 +249,10 @@ fn what_comes_to_nothing_is_kept_with_who_what_and_why() {
         ),
     ];
     for (topic, payload, (tried, owner), reason) in table {
-        let mut rig = Rig::born(Version::V5);
+        let mut rig = Rig::born(MqttVersion::V5);
         let acts = rig.send(topic, payload);
         let place = acts.iter().find_map(|act| {
-            if let Act::Keep(drive, _) = act {
+            if let MqttAct::Keep(drive, _) = act {
                 Some(*drive)
             } else {
                 None
@@ -263,9 +268,9 @@ fn what_comes_to_nothing_is_kept_with_who_what_and_why() {
         assert_eq!((&all[0].tried, all[0].owner), (&tried, owner), "{topic}");
         assert_eq!(all[0].report, Some(Report::refused(reason)), "{topic}");
     }
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let topic = "vfd/plant/drive/pump/run/set";
-    let acts = rig.deliver(&Message {
+    let acts = rig.deliver(&BrokerMessage {
         duplicate: true,
         ..message(topic, b"forward")
     });
@@ -278,7 +283,7 @@ fn what_comes_to_nothing_is_kept_with_who_what_and_why() {
         ("drive/pump/param/F007/get", b"x"),
     ] {
         let topic = format!("vfd/plant/{topic}");
-        let acts = rig.deliver(&Message {
+        let acts = rig.deliver(&BrokerMessage {
             retain: true,
             ..message(&topic, payload)
         });
@@ -290,13 +295,13 @@ fn what_comes_to_nothing_is_kept_with_who_what_and_why() {
 
 #[test]
 fn what_is_taken_back_or_not_taken_by_a_line_is_kept() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let run = go(vec![], None, Some(Direction::Forward));
-    rig.handle(Event::Message(message(
+    rig.handle(BrokerEvent::Message(message(
         "vfd/plant/drive/pump/run/set",
         b"forward",
     )));
-    rig.handle(Event::Message(message(
+    rig.handle(BrokerEvent::Message(message(
         "vfd/plant/drive/pump/run/set",
         b"stop",
     )));
@@ -305,7 +310,7 @@ fn what_is_taken_back_or_not_taken_by_a_line_is_kept() {
     let cut = Report::new(Outcome::Superseded, Reason::Stopped);
     assert_eq!(
         (&kept(&acts)[0].tried, kept(&acts)[0].report),
-        (&Tried::Order(run.clone()), Some(cut))
+        (&TriedWrite::Order(run.clone()), Some(cut))
     );
 
     let ticket = commands(&rig.send("drive/fan/run/set", b"forward"))[0].ticket;
@@ -316,7 +321,7 @@ fn what_is_taken_back_or_not_taken_by_a_line_is_kept() {
         Some(Report::refused(Reason::QueueFull))
     );
 
-    rig.handle(Event::Message(message(
+    rig.handle(BrokerEvent::Message(message(
         "vfd/plant/drive/fan/run/set",
         b"forward",
     )));
@@ -334,11 +339,11 @@ fn what_is_taken_back_or_not_taken_by_a_line_is_kept() {
 
 #[test]
 fn a_retained_command_is_refused_on_every_input() {
-    for version in [Version::V4, Version::V5] {
+    for version in [MqttVersion::V4, MqttVersion::V5] {
         for (input, payload) in INPUTS {
             let mut rig = Rig::born(version);
             let topic = format!("vfd/plant/{input}");
-            let acts = rig.deliver(&Message {
+            let acts = rig.deliver(&BrokerMessage {
                 retain: true,
                 ..message(&topic, payload)
             });
@@ -349,7 +354,7 @@ fn a_retained_command_is_refused_on_every_input() {
             );
             assert_eq!(result(&acts), refused("retained"), "{input}");
             assert_eq!(rig.session.counters().refused_retained, 1);
-            let acts = rig.deliver(&Message {
+            let acts = rig.deliver(&BrokerMessage {
                 retain: true,
                 ..message(&topic, b"")
             });
@@ -366,11 +371,11 @@ fn a_retained_stop_is_live_with_version_5_and_a_replay_before() {
         ("vfd/plant/drive/pump/command", br#"{"run":"stop"}"#),
         ("vfd/plant/all/run/set", b"stop"),
     ] {
-        let retained = Message {
+        let retained = BrokerMessage {
             retain: true,
             ..message(topic, payload)
         };
-        let mut rig = Rig::born(Version::V5);
+        let mut rig = Rig::born(MqttVersion::V5);
         let acts = rig.deliver(&retained);
         assert_eq!(commands(&acts).len(), 1, "{topic}");
         assert_eq!(rig.session.counters().retained_stops, 1);
@@ -383,7 +388,7 @@ fn a_retained_stop_is_live_with_version_5_and_a_replay_before() {
                 .contains("retain")
         );
 
-        let mut rig = Rig::born(Version::V4);
+        let mut rig = Rig::born(MqttVersion::V4);
         let acts = rig.deliver(&retained);
         assert_eq!(
             (commands(&acts).len(), result(&acts)),
@@ -428,7 +433,7 @@ fn bad_payloads_give_one_result_and_no_command() {
         ("all/run/set", b"", "not_understood"),
     ];
     for (input, payload, reason) in table {
-        let mut rig = Rig::born(Version::V5);
+        let mut rig = Rig::born(MqttVersion::V5);
         let acts = rig.send(input, payload);
         assert_eq!(
             (commands(&acts).len(), reads(&acts).len()),
@@ -443,7 +448,7 @@ fn bad_payloads_give_one_result_and_no_command() {
             "{all:?}"
         );
     }
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let acts = rig.send("drive/pumb/run/set", b"stop");
     assert_eq!(
         results(&acts)[0]["message"],
@@ -466,7 +471,7 @@ fn bad_payloads_give_one_result_and_no_command() {
 
 #[test]
 fn stop_all_goes_to_each_drive_with_control() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let acts = rig.send("all/run/set", b" Stop");
     assert_eq!(orders(&acts), [&STOP], "the fan has none");
     let ticket = commands(&acts)[0].ticket;
@@ -476,7 +481,7 @@ fn stop_all_goes_to_each_drive_with_control() {
 
 #[test]
 fn results_come_in_stages_with_the_values_read_back() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let acts = rig.send(
         "drive/pump/command",
         br#"{"id":"a1","frequency_hz":42.5,"param":{"F007":10.5}}"#,
@@ -516,7 +521,7 @@ fn results_come_in_stages_with_the_values_read_back() {
 
 #[test]
 fn a_refusal_by_the_drive_shows_what_it_holds() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let kept = Report {
         held: Some(2_000),
         ..Report::new(Outcome::Failed, Reason::KeptOldValue)
@@ -546,7 +551,7 @@ fn a_refusal_by_the_drive_shows_what_it_holds() {
 
 #[test]
 fn a_repeat_gets_the_first_outcome_and_moves_nothing() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let command = br#"{"id":7,"frequency_hz":42.5}"#;
     let ticket = commands(&rig.send("drive/pump/command", command))[0].ticket;
     let acts = rig.send("drive/pump/command", command);
@@ -578,7 +583,7 @@ fn a_repeat_gets_the_first_outcome_and_moves_nothing() {
 
 #[test]
 fn a_stop_is_executed_however_often_it_comes() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let stop = br#"{"id":"s","run":"stop"}"#;
     for _ in 0..3 {
         assert_eq!(orders(&rig.send("drive/pump/command", stop)), [&STOP]);
@@ -588,7 +593,7 @@ fn a_stop_is_executed_however_often_it_comes() {
         refused("duplicate")
     );
     for payload in [&b"stop"[..], b"coast"] {
-        let repeat = Message {
+        let repeat = BrokerMessage {
             duplicate: true,
             ..message("vfd/plant/drive/pump/run/set", payload)
         };
@@ -602,9 +607,9 @@ fn a_redelivery_without_an_id_is_refused() {
         .into_iter()
         .filter(|(input, _)| input.starts_with("drive/pump"))
     {
-        let mut rig = Rig::born(Version::V5);
+        let mut rig = Rig::born(MqttVersion::V5);
         let topic = format!("vfd/plant/{input}");
-        let acts = rig.deliver(&Message {
+        let acts = rig.deliver(&BrokerMessage {
             duplicate: true,
             ..message(&topic, payload)
         });
@@ -622,7 +627,7 @@ fn a_redelivery_without_an_id_is_refused() {
 
 #[test]
 fn the_shortest_deadline_wins() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let topic = "vfd/plant/drive/pump/command";
     for (payload, expiry, expected) in [
         (&br#"{"run":"forward","ttl_ms":5000}"#[..], None, 5_000),
@@ -631,7 +636,7 @@ fn the_shortest_deadline_wins() {
         (br#"{"run":"forward"}"#, Some(3), 1_000),
         (br#"{"run":"forward"}"#, Some(0), 0),
     ] {
-        let acts = rig.deliver(&Message {
+        let acts = rig.deliver(&BrokerMessage {
             expiry: expiry.map(Duration::from_secs),
             ..message(topic, payload)
         });
@@ -644,7 +649,7 @@ fn the_shortest_deadline_wins() {
 
 #[test]
 fn a_command_that_was_issued_too_long_ago_is_stale_but_a_stop_never_is() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     rig.pass(10_000);
     let send = |rig: &mut Rig, run: &str, age_ms: i64| {
         let issued_at = EPOCH_MS + 10_000 - age_ms;
@@ -684,7 +689,7 @@ fn a_command_ahead_of_our_clock_is_the_same_moment_when_it_comes_again() {
         (2_001, false),
         (50_000, false),
     ] {
-        let mut rig = Rig::born(Version::V5);
+        let mut rig = Rig::born(MqttVersion::V5);
         rig.pass(10_000);
         let come = rig.now();
         let issued_at = EPOCH_MS + 10_000 + ahead_ms;
@@ -735,10 +740,10 @@ fn a_command_ahead_of_our_clock_is_the_same_moment_when_it_comes_again() {
 
 #[test]
 fn what_may_have_waited_through_a_stall_is_stale_but_a_stop_is_carried_out() {
-    for version in [Version::V4, Version::V5] {
+    for version in [MqttVersion::V4, MqttVersion::V5] {
         let mut rig = Rig::born(version);
         rig.pass(10_000);
-        rig.handle(Event::Stalled(Duration::from_secs(3)));
+        rig.handle(BrokerEvent::Stalled(Duration::from_secs(3)));
         let young = format!(
             r#"{{"id":"young","frequency_hz":40,"issued_at":{}}}"#,
             EPOCH_MS + 9_900
@@ -753,7 +758,7 @@ fn what_may_have_waited_through_a_stall_is_stale_but_a_stop_is_carried_out() {
             ("command", &young),
             ("run/set", "stop"),
         ] {
-            rig.handle(Event::Message(message(
+            rig.handle(BrokerEvent::Message(message(
                 &format!("vfd/plant/drive/pump/{rest}"),
                 payload.as_bytes(),
             )));
@@ -781,7 +786,10 @@ fn what_may_have_waited_through_a_stall_is_stale_but_a_stop_is_carried_out() {
             refused("stale"),
             "still"
         );
-        rig.handle(Event::Message(message("vfd/plant/probe", &probe.payload)));
+        rig.handle(BrokerEvent::Message(message(
+            "vfd/plant/probe",
+            &probe.payload,
+        )));
         assert_eq!(
             orders(&rig.send("drive/pump/run/set", b"forward")),
             [&go(vec![], None, Some(Direction::Forward))]
@@ -791,19 +799,22 @@ fn what_may_have_waited_through_a_stall_is_stale_but_a_stop_is_carried_out() {
 
 #[test]
 fn a_probe_from_before_the_stall_proves_nothing_and_a_new_connection_all() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     rig.millis += 5_000;
     let before = probe(&rig.acts_without_echo());
-    rig.handle(Event::Stalled(Duration::from_secs(60)));
+    rig.handle(BrokerEvent::Stalled(Duration::from_secs(60)));
     assert!(
         !rig.acts_without_echo()
             .iter()
-            .any(|act| matches!(act, Act::Reconnect(_))),
+            .any(|act| matches!(act, MqttAct::Reconnect(_))),
         "it is not the probe that is late"
     );
-    rig.handle(Event::Message(message("vfd/plant/probe", &before.payload)));
+    rig.handle(BrokerEvent::Message(message(
+        "vfd/plant/probe",
+        &before.payload,
+    )));
     assert_eq!(result(&run_without_echo(&mut rig)), refused("stale"));
-    rig.handle(Event::Lost);
+    rig.handle(BrokerEvent::Lost);
     rig.connect();
     assert_eq!(orders(&rig.send("drive/pump/run/set", b"forward")).len(), 1);
 }
@@ -811,7 +822,7 @@ fn a_probe_from_before_the_stall_proves_nothing_and_a_new_connection_all() {
 /// The probe's usual round trip takes no time here.
 #[test]
 fn while_the_probe_is_overdue_everything_but_a_stop_is_stale_until_a_later_one_is_back() {
-    for version in [Version::V4, Version::V5] {
+    for version in [MqttVersion::V4, MqttVersion::V5] {
         let mut rig = Rig::born(version);
         rig.pass(60_000);
         rig.millis += 5_000;
@@ -834,7 +845,7 @@ fn while_the_probe_is_overdue_everything_but_a_stop_is_stale_until_a_later_one_i
             ("command", &young),
             ("trip/reset", "reset"),
         ] {
-            rig.handle(Event::Message(message(
+            rig.handle(BrokerEvent::Message(message(
                 &format!("vfd/plant/drive/pump/{rest}"),
                 payload.as_bytes(),
             )));
@@ -853,16 +864,19 @@ fn while_the_probe_is_overdue_everything_but_a_stop_is_stale_until_a_later_one_i
             told.contains("the gateway's probe through the broker is late"),
             "{told}"
         );
-        rig.handle(Event::Message(message(
+        rig.handle(BrokerEvent::Message(message(
             "vfd/plant/drive/pump/run/set",
             b"stop",
         )));
         assert_eq!(orders(&rig.acts_without_echo()), [&STOP], "{version:?}");
         // The late one proves nothing about what was delayed with it, but the next one is sent at once.
-        rig.handle(Event::Message(message("vfd/plant/probe", &late.payload)));
+        rig.handle(BrokerEvent::Message(message(
+            "vfd/plant/probe",
+            &late.payload,
+        )));
         let acts = run_without_echo(&mut rig);
         assert_eq!(result(&acts), refused("stale"), "{version:?}: still");
-        rig.handle(Event::Message(message(
+        rig.handle(BrokerEvent::Message(message(
             "vfd/plant/probe",
             &probe(&acts).payload,
         )));
@@ -876,41 +890,45 @@ fn while_the_probe_is_overdue_everything_but_a_stop_is_stale_until_a_later_one_i
 
 #[test]
 fn a_new_connection_is_no_way_for_commands_before_its_first_probe_is_back() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     rig.pass(10_000);
-    rig.handle(Event::Lost);
-    rig.handle(Event::Connected(rig.broker));
+    rig.handle(BrokerEvent::Lost);
+    rig.handle(BrokerEvent::Connected(rig.broker));
     let acts = rig.acts_without_echo();
     let filters = acts.iter().find_map(|act| {
-        if let Act::Subscribe(it) = act {
+        if let MqttAct::Subscribe(it) = act {
             Some(it.len())
         } else {
             None
         }
     });
-    rig.handle(Event::Subscribed(vec![
+    rig.handle(BrokerEvent::Subscribed(vec![
         true;
-        filters.expect("a subscription")
+        filters
+            .expect("a subscription")
     ]));
     let first = probe(&rig.acts_without_echo());
     assert_eq!(result(&run_without_echo(&mut rig)), refused("stale"));
-    rig.handle(Event::Message(message(
+    rig.handle(BrokerEvent::Message(message(
         "vfd/plant/drive/pump/run/set",
         b"stop",
     )));
     assert_eq!(orders(&rig.acts_without_echo()), [&STOP]);
-    rig.handle(Event::Message(message("vfd/plant/probe", &first.payload)));
+    rig.handle(BrokerEvent::Message(message(
+        "vfd/plant/probe",
+        &first.payload,
+    )));
     assert_eq!(commands(&run_without_echo(&mut rig)).len(), 1);
 }
 
 #[test]
 fn responses_go_where_they_are_allowed_and_nowhere_else() {
-    let ask = |topic, correlation| Message {
+    let ask = |topic, correlation| BrokerMessage {
         response_topic: Some(topic),
         correlation,
         ..message("vfd/plant/drive/pump/run/set", b"bad")
     };
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let acts = rig.deliver(&ask("vfd/answers/me", Some(b"c1")));
     let response = publications(&acts)
         .into_iter()
@@ -928,26 +946,36 @@ fn responses_go_where_they_are_allowed_and_nowhere_else() {
         "elsewhere",
         "vfd/answers/#",
     ] {
-        assert_eq!(told(&rig.deliver(&ask(topic, None))).len(), 1, "{topic}");
+        assert_eq!(
+            published_texts(&rig.deliver(&ask(topic, None))).len(),
+            1,
+            "{topic}"
+        );
     }
     assert_eq!(
-        told(&rig.deliver(&ask("vfd/answers/me", Some(&[0; 1_025])))).len(),
+        published_texts(&rig.deliver(&ask("vfd/answers/me", Some(&[0; 1_025])))).len(),
         1
     );
     assert_eq!(rig.session.counters().responses_ignored, 5);
-    let mut rig = Rig::born(Version::V4);
-    assert_eq!(told(&rig.deliver(&ask("vfd/answers/me", None))).len(), 1);
+    let mut rig = Rig::born(MqttVersion::V4);
+    assert_eq!(
+        published_texts(&rig.deliver(&ask("vfd/answers/me", None))).len(),
+        1
+    );
     let mut rig = Rig::with(Settings {
         response_prefix: None,
-        ..settings(Version::V5)
+        ..settings(MqttVersion::V5)
     });
     rig.connect();
-    assert_eq!(told(&rig.deliver(&ask("vfd/answers/me", None))).len(), 1);
+    assert_eq!(
+        published_texts(&rig.deliver(&ask("vfd/answers/me", None))).len(),
+        1
+    );
 }
 
 #[test]
 fn the_65th_command_is_refused_and_a_stop_is_not() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let first_setpoint = commands(&rig.send("drive/pump/frequency/set", b"10"))[0].ticket;
     for _ in 1..64 {
         assert_eq!(
@@ -993,7 +1021,7 @@ fn the_65th_command_is_refused_and_a_stop_is_not() {
 
 #[test]
 fn a_stop_overtakes_and_cuts_what_still_waits_here() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let run = message("vfd/plant/drive/pump/run/set", b"forward");
     for message in [
         run.clone(),
@@ -1002,7 +1030,7 @@ fn a_stop_overtakes_and_cuts_what_still_waits_here() {
         message("vfd/plant/drive/pump/run/set", b"coast"),
         message("vfd/plant/drive/pump/run/set", b"stop"),
     ] {
-        rig.handle(Event::Message(message));
+        rig.handle(BrokerEvent::Message(message));
     }
     let run_fan = go(vec![], None, Some(Direction::Forward));
     let mut inward = Vec::new();
@@ -1022,7 +1050,7 @@ fn a_stop_overtakes_and_cuts_what_still_waits_here() {
 
 #[test]
 fn a_refused_command_is_not_executed_when_the_same_message_comes_again() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let command = br#"{"id":"a","run":"forward"}"#;
     let ticket = commands(&rig.send("drive/pump/command", command))[0].ticket;
     rig.session.refused_by_line(rig.at(), ticket);
@@ -1035,14 +1063,14 @@ fn a_refused_command_is_not_executed_when_the_same_message_comes_again() {
     );
 
     let waited = br#"{"id":"b","run":"forward"}"#;
-    rig.handle(Event::Stalled(Duration::from_secs(3)));
-    rig.handle(Event::Message(message(
+    rig.handle(BrokerEvent::Stalled(Duration::from_secs(3)));
+    rig.handle(BrokerEvent::Message(message(
         "vfd/plant/drive/pump/command",
         waited,
     )));
     let acts = rig.acts_without_echo();
     assert_eq!(result(&acts), refused("stale"));
-    rig.handle(Event::Message(message(
+    rig.handle(BrokerEvent::Message(message(
         "vfd/plant/probe",
         &probe(&acts).payload,
     )));
@@ -1060,7 +1088,7 @@ fn a_refused_command_is_not_executed_when_the_same_message_comes_again() {
 
 #[test]
 fn renewals_are_quiet_unless_refused() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let ticket = commands(&rig.send("drive/pump/lease", b""))[0].ticket;
     assert_eq!(
         rig.answer(ticket, Outcome::Confirmed, Reason::None, true),
@@ -1075,7 +1103,7 @@ fn renewals_are_quiet_unless_refused() {
 
 #[test]
 fn a_read_asks_for_one_word_and_tells_why_it_failed() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     for (outcome, expected) in [
         (NativeOutcome::NoReply, ("failed", "no_reply")),
         (NativeOutcome::Expired, ("expired", "too_late")),
@@ -1094,7 +1122,7 @@ fn a_read_asks_for_one_word_and_tells_why_it_failed() {
             ("failed", "drive_locked"),
         ),
         (
-            NativeOutcome::Refused(Refusal::LineDown),
+            NativeOutcome::Refused(NativeRefusal::LineDown),
             ("refused", "line_down"),
         ),
         (
@@ -1131,9 +1159,9 @@ fn a_read_asks_for_one_word_and_tells_why_it_failed() {
 
 #[test]
 fn what_is_never_answered_is_given_up_and_said_to_be_unknown() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     rig.send("drive/pump/run/set", b"forward");
-    rig.handle(Event::Lost);
+    rig.handle(BrokerEvent::Lost);
     let acts = rig.connect();
     assert_eq!(results(&acts), [Value::Null; 0], "it is still waited for");
     assert_eq!(
@@ -1151,19 +1179,24 @@ fn what_is_never_answered_is_given_up_and_said_to_be_unknown() {
 
 #[test]
 fn what_nobody_fetches_stays_bounded() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     for _ in 0..10 {
         for (input, payload) in INPUTS {
             let topic = format!("vfd/plant/{input}");
-            (0..50).for_each(|_| rig.handle(Event::Message(message(&topic, payload))));
+            (0..50).for_each(|_| rig.handle(BrokerEvent::Message(message(&topic, payload))));
         }
-        (0..50).for_each(|_| rig.handle(Event::Message(message("vfd/plant/all/run/set", b"stop"))));
+        (0..50).for_each(|_| {
+            rig.handle(BrokerEvent::Message(message(
+                "vfd/plant/all/run/set",
+                b"stop",
+            )))
+        });
         rig.millis += 1_000_000;
         rig.session.tick(rig.at());
     }
     let inward: Vec<_> = std::iter::from_fn(|| rig.session.next_inward()).collect();
     assert!(
-        inward.iter().all(|act| matches!(act, Act::Keep(..))),
+        inward.iter().all(|act| matches!(act, MqttAct::Keep(..))),
         "all are given up"
     );
     assert_eq!(inward.len(), crate::north::broker::ATTEMPTS_MAX);
@@ -1223,8 +1256,8 @@ proptest! {
         response in prop::option::of(any_topic()),
         is_v5 in any::<bool>(),
     ) {
-        let mut rig = Rig::born(if is_v5 { Version::V5 } else { Version::V4 });
-        let message = Message { retain, duplicate, response_topic: response.as_deref(), ..message(&topic, &payload) };
+        let mut rig = Rig::born(if is_v5 { MqttVersion::V5 } else { MqttVersion::V4 });
+        let message = BrokerMessage { retain, duplicate, response_topic: response.as_deref(), ..message(&topic, &payload) };
         let acts = rig.deliver(&message);
         prop_assert!(commands(&acts).len() + reads(&acts).len() <= 1);
         prop_assert!(results(&acts).len() <= 1);
@@ -1237,6 +1270,6 @@ proptest! {
         prop_assert!(kept(&acts).iter().all(|attempt| attempt.report.is_some()));
         let is_stop = orders(&acts).iter().all(|order| order.is_stop());
         prop_assert!(!retain || is_stop);
-        prop_assert!(!acts.iter().any(|act| matches!(act, Act::Reconnect(_))));
+        prop_assert!(!acts.iter().any(|act| matches!(act, MqttAct::Reconnect(_))));
     }
 }

@@ -1,9 +1,9 @@
 //! The counters of the MQTT session.
 
-/// Counts of the MQTT session since start. All but [`Counters::events_waiting`], [`Counters::history_waiting`],
-/// [`Counters::alive_refused`] and [`Counters::partner_online`] only rise.
+/// Counts of the MQTT session since start. All but [`MqttCounters::events_waiting`], [`MqttCounters::history_waiting`],
+/// [`MqttCounters::alive_refused`] and [`MqttCounters::partner_online`] only rise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counters {
+pub struct MqttCounters {
     /// Messages received.
     pub messages_in: u64,
     /// Messages handed out to be published.

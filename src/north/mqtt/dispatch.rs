@@ -1,13 +1,13 @@
 //! Commands and reads that were taken from messages, on their way to the lines.
 
 use super::command_ids::IdState;
-use super::payload::{InputCommand, Refused};
-use super::results::Reply;
-use super::session::Session;
+use super::payload::{InputCommand, RefusedCommand};
+use super::results::ReplyTopic;
+use super::session::MqttSession;
 use crate::domain::command::{Owner, Reason, Report};
 use crate::domain::ids::Ticket;
-use crate::north::broker::{Message, NewCommand, NewRead, Pending};
-use crate::north::clock::Moment;
+use crate::north::broker::{BrokerMessage, NewCommand, NewRead, PendingRequest};
+use crate::north::clock::ClockMoment;
 use serde_json::Value;
 use std::time::Duration;
 
@@ -17,30 +17,30 @@ const RETAINED_STOP: &str =
     "executed, but published with the retain flag: it would be refused as a replay later";
 
 /// Who sent the request, where the answer is sent, and under which id.
-pub(super) struct Asker {
+pub(super) struct MqttAsker {
     pub(super) by: Owner,
     pub(super) id: Value,
-    pub(super) reply: Option<Reply>,
+    pub(super) reply: Option<ReplyTopic>,
 }
 
 /// What the answer to a command or read needs.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Context {
+pub(super) struct AnswerContext {
     pub(super) id: Value,
-    pub(super) reply: Option<Reply>,
+    pub(super) reply: Option<ReplyTopic>,
     /// Additional content of its results.
     pub(super) remark: Option<String>,
 }
 
-impl Session {
+impl MqttSession {
     /// Hands an order to its drive.
     pub(super) fn give(
         &mut self,
-        at: Moment,
+        at: ClockMoment,
         drive: usize,
-        asker: Asker,
+        asker: MqttAsker,
         wish: InputCommand,
-        message: &Message<'_>,
+        message: &BrokerMessage<'_>,
     ) {
         let is_a_stop = wish.order.is_stop();
         if is_a_stop {
@@ -79,7 +79,7 @@ impl Session {
             start_before: at.mono + message.expiry.map_or(ttl, |expiry| expiry.min(ttl)),
             issued: wish.issued,
             epoch: wish.epoch,
-            context: Context {
+            context: AnswerContext {
                 id: asker.id,
                 reply: asker.reply,
                 remark,
@@ -90,14 +90,20 @@ impl Session {
 
     pub(super) fn read(
         &mut self,
-        at: Moment,
+        at: ClockMoment,
         drive: usize,
-        asker: Asker,
+        asker: MqttAsker,
         register: usize,
-        message: &Message<'_>,
+        message: &BrokerMessage<'_>,
     ) {
         if !self.commands.has_room_for_read() {
-            return self.refuse_for(at, drive, &asker, &Refused::plain(Reason::QueueFull), None);
+            return self.refuse_for(
+                at,
+                drive,
+                &asker,
+                &RefusedCommand::plain(Reason::QueueFull),
+                None,
+            );
         }
         let description = &self.drives[drive];
         let Some(address) = description
@@ -118,7 +124,7 @@ impl Session {
                 + message
                     .expiry
                     .map_or(READ_WITHIN, |expiry| expiry.min(READ_WITHIN)),
-            context: Context {
+            context: AnswerContext {
                 id: asker.id,
                 reply: asker.reply,
                 remark: None,
@@ -128,7 +134,7 @@ impl Session {
     }
 
     /// Gives up what should have been answered long ago.
-    pub(super) fn drop_overdue(&mut self, at: Moment) {
+    pub(super) fn drop_overdue(&mut self, at: ClockMoment) {
         while let Some((pending, report)) = self.commands.take_overdue(at.mono) {
             self.counters.unanswered += 1;
             self.end(at, &pending, report);
@@ -136,7 +142,12 @@ impl Session {
     }
 
     /// Publishes the final result of a command or read.
-    pub(super) fn end(&mut self, at: Moment, pending: &Pending<Context>, report: Report) {
+    pub(super) fn end(
+        &mut self,
+        at: ClockMoment,
+        pending: &PendingRequest<AnswerContext>,
+        report: Report,
+    ) {
         if self.is_left_to_another(pending, report) {
             return self.seen[pending.drive].forget(pending.ticket);
         }

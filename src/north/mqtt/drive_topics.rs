@@ -1,12 +1,12 @@
 //! The retained topics of one drive: the content of each, and which is to be published next.
 
-use super::history::Change;
-use super::kinds::{Kind, kinds};
-use super::points::Points;
-use super::slot::{Content, EXPIRY_HEARTBEATS, Present, Slot};
+use super::history::TopicChange;
+use super::kinds::{TopicKind, kinds};
+use super::points::PublishedPoints;
+use super::slot::{EXPIRY_HEARTBEATS, RenderContext, TopicContent, TopicSlot};
 use super::state::{self, StateSlot};
-use super::topics::Topics;
-use super::types::{Settings, Tree};
+use super::topics::MqttTopics;
+use super::types::{Settings, TopicTree};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::ValueReading;
@@ -20,10 +20,10 @@ use std::sync::Arc;
 /// The retained topics of one drive.
 #[derive(Debug)]
 pub(super) struct DriveTopics {
-    slots: Vec<(Kind, Slot)>,
+    slots: Vec<(TopicKind, TopicSlot)>,
     state: StateSlot,
-    points: Points,
-    publish: Vec<Tree>,
+    points: PublishedPoints,
+    publish: Vec<TopicTree>,
     params: BTreeMap<usize, ValueReading>,
     /// The next slot of this walk; after the last one comes the state.
     cursor: usize,
@@ -36,14 +36,17 @@ pub(super) struct DriveTopics {
 }
 
 impl DriveTopics {
-    pub(super) fn new(settings: &Settings, topics: &Topics, drive: &DriveDescription) -> Self {
-        let slot = |(kind, rest): (Kind, String)| {
-            (kind, Slot::new(topics.drive(drive.name.as_str(), &rest)))
+    pub(super) fn new(settings: &Settings, topics: &MqttTopics, drive: &DriveDescription) -> Self {
+        let slot = |(kind, rest): (TopicKind, String)| {
+            (
+                kind,
+                TopicSlot::new(topics.drive(drive.name.as_str(), &rest)),
+            )
         };
         Self {
             slots: kinds(drive).into_iter().map(slot).collect(),
             state: StateSlot::new(topics.drive(drive.name.as_str(), "state")),
-            points: Points::new(drive),
+            points: PublishedPoints::new(drive),
             publish: settings.publish.clone(),
             params: BTreeMap::new(),
             cursor: 0,
@@ -67,15 +70,15 @@ impl DriveTopics {
             .map(|(_, topic)| topic)
     }
 
-    fn all_topics(&self) -> impl Iterator<Item = (Option<Tree>, &str)> {
+    fn all_topics(&self) -> impl Iterator<Item = (Option<TopicTree>, &str)> {
         let slots = self
             .slots
             .iter()
             .map(|(kind, slot)| (kind.tree(), slot.topic()));
-        slots.chain([(Some(Tree::State), self.state.topic())])
+        slots.chain([(Some(TopicTree::State), self.state.topic())])
     }
 
-    fn publishes(&self, tree: Option<Tree>) -> bool {
+    fn publishes(&self, tree: Option<TopicTree>) -> bool {
         tree.is_none_or(|tree| self.publish.contains(&tree))
     }
 
@@ -95,17 +98,19 @@ impl DriveTopics {
 
     /// Takes a register that was read on demand; it is published even if nothing changed.
     pub(super) fn take_param(&mut self, register: usize, reading: ValueReading, topic: String) {
-        if !self.publishes(Some(Tree::Param)) {
+        if !self.publishes(Some(TopicTree::Param)) {
             return;
         }
         self.params.insert(register, reading);
         let known = self
             .slots
             .iter_mut()
-            .find(|(kind, _)| *kind == Kind::Param(register));
+            .find(|(kind, _)| *kind == TopicKind::Param(register));
         match known {
             Some((_, slot)) => slot.forget(),
-            None => self.slots.push((Kind::Param(register), Slot::new(topic))),
+            None => self
+                .slots
+                .push((TopicKind::Param(register), TopicSlot::new(topic))),
         }
         self.restart();
     }
@@ -113,7 +118,7 @@ impl DriveTopics {
     /// The next publication; `None` if all topics show the view.
     pub(super) fn next(
         &mut self,
-        now: &Present,
+        now: &RenderContext,
         drive: &DriveDescription,
         view: &Arc<DriveView>,
     ) -> Option<Publication> {
@@ -132,7 +137,7 @@ impl DriveTopics {
                 return Some(publication);
             }
         }
-        if self.publishes(Some(Tree::State)) {
+        if self.publishes(Some(TopicTree::State)) {
             let state = self.state.offer(now, drive, view, &self.points);
             if state.is_some() {
                 return state;
@@ -156,7 +161,7 @@ impl DriveTopics {
     fn offer(
         &mut self,
         place: usize,
-        now: &Present,
+        now: &RenderContext,
         drive: &DriveDescription,
         view: &DriveView,
     ) -> Option<Publication> {
@@ -176,7 +181,7 @@ impl DriveTopics {
             .shown(kind, content, drive)
             .unwrap_or_default()
             .into_bytes();
-        let qos = if kind == Kind::Availability {
+        let qos = if kind == TopicKind::Availability {
             Qos::AtLeastOnce
         } else {
             Qos::AtMostOnce
@@ -188,11 +193,11 @@ impl DriveTopics {
     /// they happened.
     pub(super) fn record(
         &mut self,
-        now: &Present,
+        now: &RenderContext,
         place: usize,
         drive: &DriveDescription,
         view: &Arc<DriveView>,
-    ) -> Vec<Change> {
+    ) -> Vec<TopicChange> {
         if self
             .recorded
             .as_ref()
@@ -235,10 +240,10 @@ impl DriveTopics {
                 .parse::<f64>()
                 .map_or_else(|_| json!(text), |number| json!(number));
             let unit = match (kind, register) {
-                (Kind::Polled(_), Some(register)) => Some(register.unit.symbol()),
+                (TopicKind::Polled(_), Some(register)) => Some(register.unit.symbol()),
                 _ => None,
             };
-            changes.push(Change {
+            changes.push(TopicChange {
                 drive: place,
                 topic,
                 at,
@@ -253,17 +258,17 @@ impl DriveTopics {
     /// The content of a topic; `None` if it is to be left as it is.
     fn content(
         &self,
-        kind: Kind,
-        now: &Present,
+        kind: TopicKind,
+        now: &RenderContext,
         drive: &DriveDescription,
         view: &DriveView,
-    ) -> Option<Content> {
+    ) -> Option<TopicContent> {
         let trip = || Some(&view.trip).filter(|_| trips_are_fresh(drive, view, now.at));
         let word = |reading: Option<ValueReading>| {
-            reading.map_or(Content::Cleared, |it| Content::Value(it.value))
+            reading.map_or(TopicContent::Cleared, |it| TopicContent::Value(it.value))
         };
         Some(match kind {
-            Kind::Availability => Content::Text(
+            TopicKind::Availability => TopicContent::Text(
                 if view.is_online() {
                     "online"
                 } else {
@@ -271,39 +276,39 @@ impl DriveTopics {
                 }
                 .into(),
             ),
-            Kind::RunState => Content::Text(answered_run_state(view).word().into()),
-            Kind::Polled(register) | Kind::Rated(register) => word(
+            TopicKind::RunState => TopicContent::Text(answered_run_state(view).keyword().into()),
+            TopicKind::Polled(register) | TopicKind::Rated(register) => word(
                 drive
                     .model
                     .registers
                     .get(register)
                     .and_then(|it| fresh(drive, it, view, now.at)),
             ),
-            Kind::Setpoint => written(view.control.as_ref().and_then(|it| it.setpoint)),
-            Kind::Owner => written(
+            TopicKind::Setpoint => written(view.control.as_ref().and_then(|it| it.setpoint)),
+            TopicKind::Owner => written(
                 view.control
                     .as_ref()
                     .and_then(|it| it.lease)
                     .map(|(owner, _)| owner),
             ),
-            Kind::TripActive => written(trip().and_then(|it| it.active)),
-            Kind::TripCount => written(view.trip_kept.count.filter(|_| trip().is_some())),
-            Kind::TripCode => written(code(view).filter(|_| trip().is_some())),
-            Kind::TripText => text(trip().and_then(|_| state::active_trip_text(drive, view))),
-            Kind::WarningActive => written(warning(drive, view, now.at).map(|word| word != 0)),
-            Kind::WarningCode => {
+            TopicKind::TripActive => written(trip().and_then(|it| it.active)),
+            TopicKind::TripCount => written(view.trip_kept.count.filter(|_| trip().is_some())),
+            TopicKind::TripCode => written(code(view).filter(|_| trip().is_some())),
+            TopicKind::TripText => text(trip().and_then(|_| state::active_trip_text(drive, view))),
+            TopicKind::WarningActive => written(warning(drive, view, now.at).map(|word| word != 0)),
+            TopicKind::WarningCode => {
                 written(warning(drive, view, now.at).map(|word| warnings::code(&drive.model, word)))
             }
-            Kind::WarningText => text(
+            TopicKind::WarningText => text(
                 warning(drive, view, now.at).and_then(|word| warnings::text(&drive.model, word)),
             ),
             // Without a record of our own, the earlier content of the topic is still true.
-            Kind::TripLast => {
+            TopicKind::TripLast => {
                 let record = state::record(drive, now.clock, view.trip_kept.last.as_ref()?);
-                Content::Text(Value::Object(record).to_string().into())
+                TopicContent::Text(Value::Object(record).to_string().into())
             }
-            Kind::Usage(part) => written(view.usage.value(part)),
-            Kind::Param(register) => {
+            TopicKind::Usage(part) => written(view.usage.value(part)),
+            TopicKind::Param(register) => {
                 let is_fresh = |reading: &&ValueReading| now.at < param_stale_at(now, reading);
                 word(self.params.get(&register).filter(is_fresh).copied())
             }
@@ -311,7 +316,7 @@ impl DriveTopics {
     }
 
     /// Until when nothing is due while the view stays the same.
-    fn until(&self, now: &Present, drive: &DriveDescription, view: &DriveView) -> MonoTime {
+    fn until(&self, now: &RenderContext, drive: &DriveDescription, view: &DriveView) -> MonoTime {
         let heartbeat = |kind| now.beating(self.points.heartbeat(kind)).heartbeat;
         let heartbeats = self
             .slots
@@ -336,9 +341,9 @@ impl DriveTopics {
     /// When the content of a topic is to be cleared.
     fn ends_at(
         &self,
-        kind: Kind,
-        slot: &Slot,
-        now: &Present,
+        kind: TopicKind,
+        slot: &TopicSlot,
+        now: &RenderContext,
         drive: &DriveDescription,
         view: &DriveView,
     ) -> Option<MonoTime> {
@@ -347,12 +352,17 @@ impl DriveTopics {
         }
         let trips = drive.model.trip_register();
         let register = match kind {
-            Kind::Polled(register) | Kind::Rated(register) => drive.model.registers.get(register),
-            Kind::TripActive | Kind::TripCode | Kind::TripText | Kind::TripCount => trips,
-            Kind::WarningActive | Kind::WarningCode | Kind::WarningText => {
+            TopicKind::Polled(register) | TopicKind::Rated(register) => {
+                drive.model.registers.get(register)
+            }
+            TopicKind::TripActive
+            | TopicKind::TripCode
+            | TopicKind::TripText
+            | TopicKind::TripCount => trips,
+            TopicKind::WarningActive | TopicKind::WarningCode | TopicKind::WarningText => {
                 drive.model.warning_register()
             }
-            Kind::Param(register) => {
+            TopicKind::Param(register) => {
                 return self.params.get(&register).map(|it| param_stale_at(now, it));
             }
             _ => None,
@@ -367,16 +377,18 @@ impl DriveTopics {
 }
 
 /// This text; without it the topic is empty.
-fn text(text: Option<String>) -> Content {
-    text.map_or(Content::Cleared, |text| Content::Text(text.into()))
+fn text(text: Option<String>) -> TopicContent {
+    text.map_or(TopicContent::Cleared, |text| {
+        TopicContent::Text(text.into())
+    })
 }
 
-fn written(value: Option<impl ToString>) -> Content {
+fn written(value: Option<impl ToString>) -> TopicContent {
     text(value.map(|value| value.to_string()))
 }
 
 /// A value that was read once on demand is shown for as long as a broker may keep it.
-fn param_stale_at(now: &Present, reading: &ValueReading) -> MonoTime {
+fn param_stale_at(now: &RenderContext, reading: &ValueReading) -> MonoTime {
     reading.at + now.heartbeat * EXPIRY_HEARTBEATS
 }
 

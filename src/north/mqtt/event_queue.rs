@@ -2,9 +2,9 @@
 //! it.
 
 use super::in_flight::InFlight;
-use super::told::Mark;
+use super::told::EventMark;
 use crate::domain::time::MonoTime;
-use crate::north::broker::Refusal;
+use crate::north::broker::PublicationRefusal;
 use serde_json::{Map, Value};
 
 /// Most events that are kept.
@@ -12,10 +12,10 @@ const KEPT_MAX: usize = 1_024;
 
 /// One event.
 #[derive(Debug)]
-struct Entry {
+struct QueuedEvent {
     topic: String,
     body: Map<String, Value>,
-    mark: Mark,
+    mark: EventMark,
     /// How many events before it were dropped.
     lost: u64,
 }
@@ -23,17 +23,17 @@ struct Entry {
 /// The events that are not acknowledged, numbered from 1.
 #[derive(Debug, Default)]
 pub(super) struct EventQueue {
-    entries: InFlight<Entry>,
+    entries: InFlight<QueuedEvent>,
     last_seq: u64,
 }
 
 impl EventQueue {
     /// Adds an event, which gets the next sequence number. True if an older one had to be dropped for it.
-    pub(super) fn add(&mut self, topic: String, body: Map<String, Value>, mark: Mark) -> bool {
+    pub(super) fn add(&mut self, topic: String, body: Map<String, Value>, mark: EventMark) -> bool {
         self.last_seq += 1;
         self.entries.push(
             self.last_seq,
-            Entry {
+            QueuedEvent {
                 topic,
                 body,
                 mark,
@@ -58,7 +58,7 @@ impl EventQueue {
     pub(super) fn next(
         &mut self,
         at: MonoTime,
-        may: impl Fn(&Mark) -> bool,
+        may: impl Fn(&EventMark) -> bool,
     ) -> Option<(String, Vec<u8>, u64)> {
         let (seq, entry) = self.entries.next_of(at, |entry| may(&entry.mark))?;
         let mut body = entry.body.clone();
@@ -74,7 +74,7 @@ impl EventQueue {
     }
 
     /// Drops the oldest waiting event that `was_told` by another gateway. True if there was one.
-    pub(super) fn drop_told(&mut self, mut was_told: impl FnMut(&Mark) -> bool) -> bool {
+    pub(super) fn drop_told(&mut self, mut was_told: impl FnMut(&EventMark) -> bool) -> bool {
         self.entries
             .drop_waiting(|entry| was_told(&entry.mark))
             .is_some()
@@ -86,12 +86,12 @@ impl EventQueue {
     }
 
     /// The broker refuses the event with this number. True if it is given up.
-    pub(super) fn refused(&mut self, at: MonoTime, seq: u64, refusal: Refusal) -> bool {
+    pub(super) fn refused(&mut self, at: MonoTime, seq: u64, refusal: PublicationRefusal) -> bool {
         self.entries.refused(at, seq, refusal).is_some()
     }
 
     /// When one that was refused is sent again.
-    pub(super) fn wake(&self, may: impl Fn(&Mark) -> bool) -> Option<MonoTime> {
+    pub(super) fn wake(&self, may: impl Fn(&EventMark) -> bool) -> Option<MonoTime> {
         self.entries.again_at_of(|entry| may(&entry.mark))
     }
 
@@ -112,7 +112,7 @@ mod tests {
     use super::*;
 
     fn add(events: &mut EventQueue) -> bool {
-        events.add("t".into(), Map::new(), Mark::default())
+        events.add("t".into(), Map::new(), EventMark::default())
     }
 
     #[test]

@@ -4,12 +4,12 @@
 //! On a line with several gateways the active one speaks. A listener publishes nothing of the line and its drives, and
 //! leaves commands to the other.
 
-use super::slot::{Content, Present, Slot, retained};
-use super::topics::Topics;
+use super::slot::{RenderContext, TopicContent, TopicSlot, retained};
+use super::topics::MqttTopics;
 use crate::domain::ids::Name;
 use crate::domain::standby::{LineRole, StandbyPair, StandbyReport};
 use crate::domain::time::MonoTime;
-use crate::north::broker::{LineState, Publication, Qos};
+use crate::north::broker::{Publication, Qos, SessionLine};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -24,7 +24,7 @@ const OTHERS_MAX: usize = 8;
 
 /// A line as this gateway takes part in it.
 #[derive(Debug)]
-struct Line {
+struct PairLine {
     name: Name,
     /// `None` before the line was seen; inside it `None` for a line without another gateway.
     seen: Option<Option<StandbyReport>>,
@@ -34,7 +34,7 @@ struct Line {
 
 /// Another gateway of the same name, by its own words.
 #[derive(Debug, Default)]
-struct Other {
+struct PairPeer {
     /// The lines on which it is active; none if it is offline.
     active_on: Vec<String>,
     is_online: bool,
@@ -42,7 +42,7 @@ struct Other {
     is_there: bool,
 }
 
-impl Other {
+impl PairPeer {
     const fn is_active(&self) -> bool {
         self.is_there && !self.active_on.is_empty()
     }
@@ -50,13 +50,13 @@ impl Other {
 
 /// Which of several gateways this one is.
 #[derive(Debug)]
-pub(super) struct Half {
+pub(super) struct PairMember {
     pair: Option<StandbyPair>,
-    lines: Vec<Line>,
+    lines: Vec<PairLine>,
     /// The line of each drive.
     drives: Vec<Option<usize>>,
-    document: Slot,
-    others: BTreeMap<String, Other>,
+    document: TopicSlot,
+    others: BTreeMap<String, PairPeer>,
     /// When other gateways that were not heard since the last one went offline are published as offline.
     missed_at: Option<MonoTime>,
     /// Documents of others that are to be replaced.
@@ -65,13 +65,13 @@ pub(super) struct Half {
     now: MonoTime,
 }
 
-impl Half {
-    pub(super) fn new(pair: Option<StandbyPair>, topics: &Topics) -> Self {
+impl PairMember {
+    pub(super) fn new(pair: Option<StandbyPair>, topics: &MqttTopics) -> Self {
         let topic = pair
             .as_ref()
             .map(|pair| topics.standby(pair.half.as_str()))
             .unwrap_or_default();
-        let document = Slot::new(topic);
+        let document = TopicSlot::new(topic);
         let others = BTreeMap::new();
         let (lines, drives, gone) = (Vec::new(), Vec::new(), Vec::new());
         Self {
@@ -94,7 +94,7 @@ impl Half {
                 .iter()
                 .position(|it| it.name == *name)
                 .map(|place| before.swap_remove(place));
-            same.unwrap_or_else(|| Line {
+            same.unwrap_or_else(|| PairLine {
                 name: name.clone(),
                 seen: None,
                 active_since: None,
@@ -112,7 +112,7 @@ impl Half {
     }
 
     /// Takes the present roles, in the order of the lines. Returns whether this gateway speaks for others than before.
-    pub(super) fn see(&mut self, at: MonoTime, lines: &[LineState]) -> bool {
+    pub(super) fn see(&mut self, at: MonoTime, lines: &[SessionLine]) -> bool {
         self.now = at;
         let has_pair = self.pair.is_some();
         let mut has_changed = false;
@@ -172,7 +172,7 @@ impl Half {
                 .seen
                 .flatten()
                 .is_some_and(|report| !report.hears_other);
-            let is_active = |other: &Other| {
+            let is_active = |other: &PairPeer| {
                 other
                     .active_on
                     .iter()
@@ -205,7 +205,7 @@ impl Half {
     /// Whether it speaks for what concerns no single line: the first one by name among those that are active.
     pub(super) fn leads(&self) -> bool {
         let Some(pair) = &self.pair else { return true };
-        let is_before = |(name, other): (&String, &Other)| {
+        let is_before = |(name, other): (&String, &PairPeer)| {
             other.is_active() && name.as_str() < pair.half.as_str()
         };
         self.speaks_at_all() && !self.others.iter().any(is_before)
@@ -213,7 +213,7 @@ impl Half {
 
     /// Whether another one is active, by its own words.
     pub(super) fn is_another_active(&self) -> bool {
-        self.others.values().any(Other::is_active)
+        self.others.values().any(PairPeer::is_active)
     }
 
     /// Whether the partner is online by its own words, and was not missed since; `None` without one.
@@ -245,14 +245,14 @@ impl Half {
             _ => &[],
         };
         let active = |line: &Value| {
-            if line.get("role")?.as_str()? != LineRole::Active.word() {
+            if line.get("role")?.as_str()? != LineRole::Active.keyword() {
                 return None;
             }
             Some(line.get("name")?.as_str()?.to_owned())
         };
         let active_on: Vec<_> = lines.iter().filter_map(active).collect();
         let is_less = other.active_on.iter().any(|line| !active_on.contains(line));
-        *other = Other {
+        *other = PairPeer {
             active_on,
             is_online,
             is_there: true,
@@ -270,14 +270,14 @@ impl Half {
     }
 
     /// The next publication about this gateway and the others; none without others.
-    pub(super) fn next(&mut self, now: &Present, topics: &Topics) -> Option<Publication> {
+    pub(super) fn next(&mut self, now: &RenderContext, topics: &MqttTopics) -> Option<Publication> {
         self.pair.as_ref()?;
         if self
             .missed_at
             .take_if(|missed_at| now.at >= *missed_at)
             .is_some()
         {
-            let missed = |(name, it): (&String, &Other)| {
+            let missed = |(name, it): (&String, &PairPeer)| {
                 (it.is_online && !it.is_there).then(|| name.clone())
             };
             self.gone = self.others.iter().filter_map(missed).collect();
@@ -297,12 +297,12 @@ impl Half {
         let text = self.text(true);
         let payload = text.clone().into_bytes();
         self.document
-            .offer(now, Content::Text(text.into()), |_, _| true)?;
+            .offer(now, TopicContent::Text(text.into()), |_, _| true)?;
         Some(self.document.publication(now, payload, Qos::AtLeastOnce))
     }
 
     /// What it publishes on an orderly end; `None` without others.
-    pub(super) fn farewell(&self, now: &Present) -> Option<Publication> {
+    pub(super) fn farewell(&self, now: &RenderContext) -> Option<Publication> {
         self.pair.as_ref()?;
         Some(
             self.document
@@ -313,7 +313,7 @@ impl Half {
     fn text(&self, is_online: bool) -> String {
         let half = self.pair.as_ref().map(|pair| pair.half.as_str());
         let partner = self.pair.as_ref().map(|pair| pair.partner.as_str());
-        let of_line = |line: &Line| {
+        let of_line = |line: &PairLine| {
             let StandbyReport {
                 role,
                 take_overs,
@@ -326,7 +326,7 @@ impl Half {
             } = line.seen.flatten()?;
             Some(json!({
                 "name": line.name.as_str(),
-                "role": role.word(),
+                "role": role.keyword(),
                 "take_overs": take_overs,
                 "given_up": given_up,
                 "rivals": rivals,
@@ -363,7 +363,7 @@ impl Half {
     }
 }
 
-fn speaks(line: &Line, has_pair: bool) -> bool {
+fn speaks(line: &PairLine, has_pair: bool) -> bool {
     match line.seen {
         Some(Some(report)) => report.role == LineRole::Active,
         Some(None) => true,

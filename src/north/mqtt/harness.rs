@@ -1,7 +1,7 @@
 //! Shared by the tests of the session: a broker that is played by hand, and helpers that read what the session does.
 
-use super::session::Session;
-use super::types::{Act, LeaseMode, Settings, Tree};
+use super::session::MqttSession;
+use super::types::{LeaseMode, MqttAct, Settings, TopicTree};
 use crate::domain::command::{
     CommandAnswer, CommandRequest, Direction, Order, Outcome, Reason, Report,
 };
@@ -10,16 +10,16 @@ use crate::domain::ids::{AskerId, DriveIndex, Ticket};
 use crate::domain::native::NativeRequest;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
-use crate::journal::Attempt;
-use crate::north::broker::{Event, Message, Publication, Qos, ToLine, Version};
-use crate::north::clock::Moment;
+use crate::journal::WriteAttempt;
+use crate::north::broker::{BrokerEvent, BrokerMessage, MqttVersion, Publication, Qos, ToLine};
+use crate::north::clock::ClockMoment;
 use crate::north::stage::{self, Stage};
 pub(super) use crate::north::stage::{EPOCH_MS, Staged, idle_control, message, model, name};
 use serde_json::Value;
 use std::ops::{Deref, DerefMut};
 use std::time::Duration;
 
-pub(super) fn settings(version: Version) -> Settings {
+pub(super) fn settings(version: MqttVersion) -> Settings {
     Settings {
         prefix: "vfd".into(),
         gateway: name("plant"),
@@ -34,7 +34,7 @@ pub(super) fn settings(version: Version) -> Settings {
         command_ttl: Duration::from_secs(1),
         response_prefix: Some("vfd/answers".into()),
         keep_telemetry: 0,
-        publish: Tree::ALL.to_vec(),
+        publish: TopicTree::ALL.to_vec(),
         home_assistant: None,
     }
 }
@@ -56,7 +56,7 @@ pub(super) fn drives() -> Vec<DriveDescription> {
 
 /// A session with its surroundings.
 pub(super) struct Rig {
-    pub(super) session: Session,
+    pub(super) session: MqttSession,
     pub(super) stage: Stage,
 }
 
@@ -75,7 +75,7 @@ impl DerefMut for Rig {
 }
 
 impl Staged for Rig {
-    type Act = Act;
+    type Act = MqttAct;
 
     fn stage(&mut self) -> &mut Stage {
         &mut self.stage
@@ -85,11 +85,11 @@ impl Staged for Rig {
         self.session.next_wake()
     }
 
-    fn tick(&mut self, at: Moment) {
+    fn tick(&mut self, at: ClockMoment) {
         self.session.tick(at);
     }
 
-    fn acts(&mut self) -> Vec<Act> {
+    fn acts(&mut self) -> Vec<MqttAct> {
         let mut all = Vec::new();
         loop {
             let more = self.acts_without_echo();
@@ -97,7 +97,7 @@ impl Staged for Rig {
             let is_over = probes.is_empty();
             all.extend(more);
             for payload in probes {
-                self.handle(Event::Message(message("vfd/plant/probe", &payload)));
+                self.handle(BrokerEvent::Message(message("vfd/plant/probe", &payload)));
             }
             if is_over {
                 return all;
@@ -107,45 +107,45 @@ impl Staged for Rig {
 }
 
 impl Rig {
-    pub(super) fn new(version: Version) -> Self {
+    pub(super) fn new(version: MqttVersion) -> Self {
         Self::with(settings(version))
     }
 
     pub(super) fn with(settings: Settings) -> Self {
         let stage = Stage::new();
         Self {
-            session: Session::new(settings, drives(), vec![name("hall")], stage.at(), 7),
+            session: MqttSession::new(settings, drives(), vec![name("hall")], stage.at(), 7),
             stage,
         }
     }
 
     /// A session that is born, with `pump` polled just now; what was published for it is omitted.
-    pub(super) fn born(version: Version) -> Self {
+    pub(super) fn born(version: MqttVersion) -> Self {
         let mut rig = Self::new(version);
         rig.poll(0, 3_000);
         rig.connect();
         rig
     }
 
-    pub(super) fn handle(&mut self, event: Event<'_>) {
+    pub(super) fn handle(&mut self, event: BrokerEvent<'_>) {
         self.session.handle(self.stage.at(), event);
     }
 
     /// Connects and plays the broker up to the end of the birth. Returns everything that was done.
-    pub(super) fn connect(&mut self) -> Vec<Act> {
-        self.handle(Event::Connected(self.broker));
+    pub(super) fn connect(&mut self) -> Vec<MqttAct> {
+        self.handle(BrokerEvent::Connected(self.broker));
         let mut all = self.acts();
         let granted = all.iter().find_map(|act| match act {
-            Act::Subscribe(filters) => Some(vec![true; filters.len()]),
+            MqttAct::Subscribe(filters) => Some(vec![true; filters.len()]),
             _ => None,
         });
-        self.handle(Event::Subscribed(granted.expect("a subscription")));
+        self.handle(BrokerEvent::Subscribed(granted.expect("a subscription")));
         all.extend(self.acts());
         all
     }
 
     /// Everything that is to be done now; no probe returns.
-    pub(super) fn acts_without_echo(&mut self) -> Vec<Act> {
+    pub(super) fn acts_without_echo(&mut self) -> Vec<MqttAct> {
         self.stage.show();
         let mut all = Vec::new();
         while let Some(act) =
@@ -159,14 +159,14 @@ impl Rig {
     }
 
     /// Delivers a message on `rest` below the gateway's topics, and returns its effects.
-    pub(super) fn send(&mut self, rest: &str, payload: &[u8]) -> Vec<Act> {
-        self.deliver(&Message {
+    pub(super) fn send(&mut self, rest: &str, payload: &[u8]) -> Vec<MqttAct> {
+        self.deliver(&BrokerMessage {
             ..message(&format!("vfd/plant/{rest}"), payload)
         })
     }
 
-    pub(super) fn deliver(&mut self, message: &Message<'_>) -> Vec<Act> {
-        self.handle(Event::Message(message.clone()));
+    pub(super) fn deliver(&mut self, message: &BrokerMessage<'_>) -> Vec<MqttAct> {
+        self.handle(BrokerEvent::Message(message.clone()));
         self.acts()
     }
 
@@ -177,11 +177,16 @@ impl Rig {
         outcome: Outcome,
         reason: Reason,
         is_final: bool,
-    ) -> Vec<Act> {
+    ) -> Vec<MqttAct> {
         self.report(ticket, Report::new(outcome, reason), is_final)
     }
 
-    pub(super) fn report(&mut self, ticket: Ticket, report: Report, is_final: bool) -> Vec<Act> {
+    pub(super) fn report(
+        &mut self,
+        ticket: Ticket,
+        report: Report,
+        is_final: bool,
+    ) -> Vec<MqttAct> {
         let answer = CommandAnswer {
             asker: AskerId::MQTT,
             ticket,
@@ -194,16 +199,16 @@ impl Rig {
     }
 }
 
-fn probe_payload(act: &Act) -> Option<Vec<u8>> {
+fn probe_payload(act: &MqttAct) -> Option<Vec<u8>> {
     match act {
-        Act::Publish(it) if it.topic == "vfd/plant/probe" => Some(it.payload.clone()),
+        MqttAct::Publish(it) if it.topic == "vfd/plant/probe" => Some(it.payload.clone()),
         _ => None,
     }
 }
 
-pub(super) fn publications(acts: &[Act]) -> Vec<&Publication> {
+pub(super) fn publications(acts: &[MqttAct]) -> Vec<&Publication> {
     let published = acts.iter().filter_map(|act| {
-        if let Act::Publish(it) = act {
+        if let MqttAct::Publish(it) = act {
             Some(it)
         } else {
             None
@@ -215,7 +220,7 @@ pub(super) fn publications(acts: &[Act]) -> Vec<&Publication> {
 }
 
 /// Topics below the gateway's with their payloads, as text.
-pub(super) fn told(acts: &[Act]) -> Vec<(String, String)> {
+pub(super) fn published_texts(acts: &[MqttAct]) -> Vec<(String, String)> {
     let text = |it: &&Publication| {
         let topic = it
             .topic
@@ -228,8 +233,8 @@ pub(super) fn told(acts: &[Act]) -> Vec<(String, String)> {
 }
 
 /// The payload on a topic; the last if there are several.
-pub(super) fn on(acts: &[Act], topic: &str) -> Option<String> {
-    told(acts)
+pub(super) fn on(acts: &[MqttAct], topic: &str) -> Option<String> {
+    published_texts(acts)
         .into_iter()
         .rev()
         .find(|(it, _)| it == topic)
@@ -237,8 +242,8 @@ pub(super) fn on(acts: &[Act], topic: &str) -> Option<String> {
 }
 
 /// What was published on a drive's or the gateway's result topic.
-pub(super) fn results(acts: &[Act]) -> Vec<Value> {
-    let results = told(acts)
+pub(super) fn results(acts: &[MqttAct]) -> Vec<Value> {
+    let results = published_texts(acts)
         .into_iter()
         .filter(|(topic, _)| topic.ends_with("/result"));
     results
@@ -247,17 +252,17 @@ pub(super) fn results(acts: &[Act]) -> Vec<Value> {
 }
 
 /// The one result, as outcome and reason.
-pub(super) fn result(acts: &[Act]) -> (String, String) {
+pub(super) fn result(acts: &[MqttAct]) -> (String, String) {
     let all = results(acts);
     assert_eq!(all.len(), 1, "{all:?}");
     let word = |key: &str| all[0][key].as_str().expect("a word").to_owned();
     (word("outcome"), word("reason"))
 }
 
-pub(super) fn commands(acts: &[Act]) -> Vec<&CommandRequest> {
+pub(super) fn commands(acts: &[MqttAct]) -> Vec<&CommandRequest> {
     acts.iter()
         .filter_map(|act| {
-            if let Act::ToLine(ToLine::Command(_, request)) = act {
+            if let MqttAct::ToLine(ToLine::Command(_, request)) = act {
                 Some(request)
             } else {
                 None
@@ -266,7 +271,7 @@ pub(super) fn commands(acts: &[Act]) -> Vec<&CommandRequest> {
         .collect()
 }
 
-pub(super) fn orders(acts: &[Act]) -> Vec<&Order> {
+pub(super) fn orders(acts: &[MqttAct]) -> Vec<&Order> {
     commands(acts)
         .into_iter()
         .map(|request| &request.order)
@@ -274,10 +279,10 @@ pub(super) fn orders(acts: &[Act]) -> Vec<&Order> {
 }
 
 /// Attempts that no line saw.
-pub(super) fn kept(acts: &[Act]) -> Vec<&Attempt> {
+pub(super) fn kept(acts: &[MqttAct]) -> Vec<&WriteAttempt> {
     acts.iter()
         .filter_map(|act| {
-            if let Act::Keep(_, attempt) = act {
+            if let MqttAct::Keep(_, attempt) = act {
                 Some(attempt)
             } else {
                 None
@@ -286,10 +291,10 @@ pub(super) fn kept(acts: &[Act]) -> Vec<&Attempt> {
         .collect()
 }
 
-pub(super) fn reads(acts: &[Act]) -> Vec<&NativeRequest> {
+pub(super) fn reads(acts: &[MqttAct]) -> Vec<&NativeRequest> {
     acts.iter()
         .filter_map(|act| {
-            if let Act::ToLine(ToLine::Read(_, request)) = act {
+            if let MqttAct::ToLine(ToLine::Read(_, request)) = act {
                 Some(request)
             } else {
                 None

@@ -1,11 +1,11 @@
 //! Telemetry of the time without a broker, published once it is back.
 
 use super::in_flight::InFlight;
-use super::topics::Topics;
+use super::topics::MqttTopics;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
-use crate::north::broker::Refusal;
-use crate::north::clock::Clock;
+use crate::north::broker::PublicationRefusal;
+use crate::north::clock::LabelClock;
 use serde_json::{Value, json};
 use std::time::Duration;
 
@@ -16,7 +16,7 @@ const BURST_EVERY: Duration = Duration::from_millis(100);
 
 /// A topic whose content changed.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Change {
+pub(super) struct TopicChange {
     /// Place of the drive in the session's list.
     pub(super) drive: usize,
     /// The topic below the drive's.
@@ -31,15 +31,15 @@ pub(super) struct Change {
 
 /// The changes that the broker does not have, oldest first.
 #[derive(Debug)]
-pub(super) struct History {
+pub(super) struct ChangeHistory {
     most: usize,
-    changes: InFlight<Change>,
+    changes: InFlight<TopicChange>,
     last: u64,
     /// When this burst began, and how many were sent in it.
     burst: (MonoTime, u32),
 }
 
-impl History {
+impl ChangeHistory {
     /// Keeps at most this many; 0: none.
     pub(super) fn new(most: usize) -> Self {
         Self {
@@ -56,7 +56,7 @@ impl History {
     }
 
     /// Keeps a change. True if an older one had to give way for it.
-    pub(super) fn add(&mut self, change: Change) -> bool {
+    pub(super) fn add(&mut self, change: TopicChange) -> bool {
         self.last += 1;
         self.changes.push(self.last, change);
         self.changes.len() > self.most && self.changes.drop_oldest().is_some()
@@ -66,8 +66,8 @@ impl History {
     pub(super) fn next(
         &mut self,
         at: MonoTime,
-        topics: &Topics,
-        clock: Clock,
+        topics: &MqttTopics,
+        clock: LabelClock,
         drives: &[DriveDescription],
     ) -> Option<(String, Vec<u8>, u64)> {
         if at.since(self.burst.0) >= BURST_EVERY {
@@ -104,7 +104,12 @@ impl History {
     }
 
     /// The broker refuses the change with this number. True if it is given up.
-    pub(super) fn refused(&mut self, at: MonoTime, number: u64, refusal: Refusal) -> bool {
+    pub(super) fn refused(
+        &mut self,
+        at: MonoTime,
+        number: u64,
+        refusal: PublicationRefusal,
+    ) -> bool {
         self.changes.refused(at, number, refusal).is_some()
     }
 
@@ -119,7 +124,7 @@ impl History {
     }
 }
 
-fn document(change: &Change, clock: Clock) -> Value {
+fn document(change: &TopicChange, clock: LabelClock) -> Value {
     json!({
         "at": clock.text(change.at),
         "is_historical": true,

@@ -1,7 +1,7 @@
 //! Messages sent to the broker in order, each until the broker has acknowledged or refused it.
 
 use crate::domain::time::MonoTime;
-use crate::north::broker::Refusal;
+use crate::north::broker::PublicationRefusal;
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -20,7 +20,7 @@ const WAIT_MAX: Duration = Duration::from_secs(60);
 /// it will never accept is given up, so that it does not block the rest for ever.
 #[derive(Debug)]
 pub(super) struct InFlight<T> {
-    entries: VecDeque<Entry<T>>,
+    entries: VecDeque<InFlightMessage<T>>,
     in_flight: usize,
     /// Until when nothing is sent, and from when on one at a time; `None`: the broker accepts what it gets.
     trial_from: Option<MonoTime>,
@@ -31,7 +31,7 @@ pub(super) struct InFlight<T> {
 }
 
 #[derive(Debug)]
-struct Entry<T> {
+struct InFlightMessage<T> {
     number: u64,
     it: T,
     is_sent: bool,
@@ -53,7 +53,7 @@ impl<T> Default for InFlight<T> {
 impl<T> InFlight<T> {
     /// Adds something under a number that is higher than all before it.
     pub(super) fn push(&mut self, number: u64, it: T) {
-        self.entries.push_back(Entry {
+        self.entries.push_back(InFlightMessage {
             number,
             it,
             is_sent: false,
@@ -114,11 +114,16 @@ impl<T> InFlight<T> {
     }
 
     /// The broker refuses the one with this number. Returns it if it is given up.
-    pub(super) fn refused(&mut self, at: MonoTime, number: u64, refusal: Refusal) -> Option<T> {
+    pub(super) fn refused(
+        &mut self,
+        at: MonoTime,
+        number: u64,
+        refusal: PublicationRefusal,
+    ) -> Option<T> {
         let place = self.place(number)?;
         let entry = self.entries.get_mut(place)?;
-        entry.failures += u8::from(refusal == Refusal::Failed);
-        if refusal == Refusal::Never || entry.failures >= FAILURES_MAX {
+        entry.failures += u8::from(refusal == PublicationRefusal::Failed);
+        if refusal == PublicationRefusal::Never || entry.failures >= FAILURES_MAX {
             return self.take(number);
         }
         entry.is_sent = false;
@@ -235,7 +240,7 @@ mod tests {
         let mut queue = queue(20);
         sent(&mut queue, START);
         for number in [2, 5] {
-            assert_eq!(queue.refused(START, number, Refusal::Full), None);
+            assert_eq!(queue.refused(START, number, PublicationRefusal::Full), None);
         }
         (1..=16)
             .filter(|number| ![2, 5].contains(number))
@@ -258,14 +263,14 @@ mod tests {
                 None,
                 "its answer is waited for"
             );
-            assert_eq!(queue.refused(from, 2, Refusal::Full), None);
+            assert_eq!(queue.refused(from, 2, PublicationRefusal::Full), None);
             assert_eq!(queue.again_at_of(|()| true), Some(from + SECOND * wait));
         }
         let mut from = queue.again_at_of(|()| true).unwrap();
         for _ in 0..100 {
             assert_eq!(sent(&mut queue, from), [2]);
             assert_eq!(
-                queue.refused(from, 2, Refusal::Full),
+                queue.refused(from, 2, PublicationRefusal::Full),
                 None,
                 "a broker that is full is waited for without an end"
             );
@@ -282,10 +287,17 @@ mod tests {
     fn what_can_never_be_taken_is_given_up_and_the_rest_goes_on() {
         let mut queue = queue(40);
         for number in sent(&mut queue, START) {
-            assert_eq!(queue.refused(START, number, Refusal::Never), Some(()));
+            assert_eq!(
+                queue.refused(START, number, PublicationRefusal::Never),
+                Some(())
+            );
         }
         assert_eq!(sent(&mut queue, START), (17..=32).collect::<Vec<_>>());
-        assert_eq!(queue.refused(START, 1, Refusal::Never), None, "it is gone");
+        assert_eq!(
+            queue.refused(START, 1, PublicationRefusal::Never),
+            None,
+            "it is gone"
+        );
         assert_eq!(queue.len(), 24);
     }
 
@@ -294,15 +306,17 @@ mod tests {
         let mut queue = queue(2);
         let mut at = START;
         assert_eq!(sent(&mut queue, at), [1, 2]);
-        assert!(queue.refused(at, 1, Refusal::Failed).is_none() && queue.acknowledged(2));
+        assert!(
+            queue.refused(at, 1, PublicationRefusal::Failed).is_none() && queue.acknowledged(2)
+        );
         for _ in 2..FAILURES_MAX {
             at = queue.again_at_of(|()| true).unwrap();
             assert_eq!(sent(&mut queue, at), [1]);
-            assert_eq!(queue.refused(at, 1, Refusal::Failed), None);
+            assert_eq!(queue.refused(at, 1, PublicationRefusal::Failed), None);
         }
         at = queue.again_at_of(|()| true).unwrap();
         assert_eq!(sent(&mut queue, at), [1]);
-        assert_eq!(queue.refused(at, 1, Refusal::Failed), Some(()));
+        assert_eq!(queue.refused(at, 1, PublicationRefusal::Failed), Some(()));
         assert!(
             at.since(START) > SECOND * 100 && at.since(START) < SECOND * 300,
             "{:?}",

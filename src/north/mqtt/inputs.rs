@@ -2,19 +2,19 @@
 
 use super::attempts;
 use super::command_ids::IdState;
-use super::dispatch::Asker;
-use super::home_assistant::Plant;
-use super::payload::{self, InputCommand, InputRequest, Refused, short};
-use super::results::Reply;
-use super::session::Session;
-use super::topics::{Inbound, Input, InputAddress};
+use super::dispatch::MqttAsker;
+use super::home_assistant::DiscoveryPlant;
+use super::payload::{self, InputCommand, InputRequest, RefusedCommand, short};
+use super::results::ReplyTopic;
+use super::session::MqttSession;
+use super::topics::{DriveInput, InputAddress, MqttInbound};
 use super::types::LeaseMode;
 use crate::domain::command::{Order, Owner, Reason, Report};
 use crate::domain::ids::{CommanderName, Name};
 use crate::domain::problem::nearest;
-use crate::journal::Tried;
-use crate::north::broker::{Message, Returned, Version, tried_by};
-use crate::north::clock::Moment;
+use crate::journal::TriedWrite;
+use crate::north::broker::{BrokerMessage, MqttVersion, ReturnedProbe, tried_by};
+use crate::north::clock::ClockMoment;
 use crate::north::command_words::{beside_a_stop, without_mark};
 
 /// Why a command is refused while its time in transit is unknown.
@@ -22,29 +22,30 @@ const WAY_UNPROVEN: &str = "the gateway's probe through the broker is late, so t
 /// The longest correlation data that is returned.
 const CORRELATION_MAX_BYTES: usize = 1_024;
 
-impl Session {
+impl MqttSession {
     /// Takes a message. It gives at most one command, one for each drive if it is for all. A message that attempts a
     /// write and gives no command is kept as an attempt, once.
-    pub(super) fn message(&mut self, at: Moment, message: &Message<'_>) {
+    pub(super) fn message(&mut self, at: ClockMoment, message: &BrokerMessage<'_>) {
         self.counters.messages_in += 1;
-        let plant = Plant::of(&self.settings, &self.topics, &self.lines, &self.drives);
+        let plant = DiscoveryPlant::of(&self.settings, &self.topics, &self.lines, &self.drives);
         let is_discovery = plant.is_some_and(|plant| self.discovery.take(at.mono, message, &plant));
         match self.topics.parse(message.topic) {
             None => self.counters.ignored += u64::from(!is_discovery),
-            Some(Inbound::Probe) => self.probe(at, message),
-            Some(Inbound::Alive) => {
+            Some(MqttInbound::Probe) => self.probe(at, message),
+            Some(MqttInbound::Alive) => {
                 let says = std::str::from_utf8(without_mark(message.payload)).unwrap_or_default();
                 self.are_commanders_gone = says.trim().eq_ignore_ascii_case("offline");
             }
-            Some(Inbound::AllRun) => self.all_run(at, message),
-            Some(Inbound::Told(told)) => self.hear(at.mono, told, message),
-            Some(Inbound::Drive(place)) => self.drive_input(at, place, message),
+            Some(MqttInbound::AllRun) => self.all_run(at, message),
+            Some(MqttInbound::Told(told)) => self.hear(at.mono, told, message),
+            Some(MqttInbound::Drive(place)) => self.drive_input(at, place, message),
         }
     }
 
-    fn probe(&mut self, at: Moment, message: &Message<'_>) {
+    fn probe(&mut self, at: ClockMoment, message: &BrokerMessage<'_>) {
         let was_open = self.path.is_open();
-        if message.retain || self.path.returned(at.mono, message.payload) == Returned::Foreign {
+        if message.retain || self.path.returned(at.mono, message.payload) == ReturnedProbe::Foreign
+        {
             return;
         }
         if !was_open {
@@ -59,7 +60,7 @@ impl Session {
         }
     }
 
-    fn all_run(&mut self, at: Moment, message: &Message<'_>) {
+    fn all_run(&mut self, at: ClockMoment, message: &BrokerMessage<'_>) {
         if clears(message) {
             return;
         }
@@ -76,10 +77,10 @@ impl Session {
             .collect();
         let refused = match asked {
             Err(refused) => refused,
-            Ok(()) if controlled.is_empty() => Refused::plain(Reason::ReadOnly),
+            Ok(()) if controlled.is_empty() => RefusedCommand::plain(Reason::ReadOnly),
             Ok(()) => {
                 for drive in mine {
-                    let asker = Asker {
+                    let asker = MqttAsker {
                         by: Owner::Mqtt,
                         id: self.next_id(),
                         reply: reply.clone(),
@@ -103,7 +104,7 @@ impl Session {
         } else {
             refused
         };
-        let asker = Asker {
+        let asker = MqttAsker {
             by: Owner::Mqtt,
             id: self.next_id(),
             reply,
@@ -120,7 +121,12 @@ impl Session {
         );
     }
 
-    fn drive_input(&mut self, at: Moment, place: InputAddress<'_>, message: &Message<'_>) {
+    fn drive_input(
+        &mut self,
+        at: ClockMoment,
+        place: InputAddress<'_>,
+        message: &BrokerMessage<'_>,
+    ) {
         if clears(message) {
             return;
         }
@@ -155,7 +161,7 @@ impl Session {
             .and(asked)
             .and_then(|asked| self.once(place.input, message, asked));
         let reply = self.reply_to(message);
-        let asker = Asker {
+        let asker = MqttAsker {
             by,
             id: id.unwrap_or_else(|| self.next_id()),
             reply,
@@ -174,9 +180,9 @@ impl Session {
     fn tried(
         &self,
         place: InputAddress<'_>,
-        asked: &Result<InputRequest, Refused>,
-        message: &Message<'_>,
-    ) -> Option<Tried> {
+        asked: &Result<InputRequest, RefusedCommand>,
+        message: &BrokerMessage<'_>,
+    ) -> Option<TriedWrite> {
         match asked {
             Ok(InputRequest::Order(wish)) => tried_by(&wish.order),
             Ok(InputRequest::Read(_)) => None,
@@ -185,28 +191,28 @@ impl Session {
     }
 
     /// Refuses replays. With MQTT 5 none is delivered at subscribe, so a stop with the retain flag is a live one.
-    fn live(&self, message: &Message<'_>, is_a_stop: bool) -> Result<(), Refused> {
-        let is_live = !message.retain || is_a_stop && self.settings.version == Version::V5;
+    fn live(&self, message: &BrokerMessage<'_>, is_a_stop: bool) -> Result<(), RefusedCommand> {
+        let is_live = !message.retain || is_a_stop && self.settings.version == MqttVersion::V5;
         if is_live {
             Ok(())
         } else {
-            Err(Refused::plain(Reason::Retained))
+            Err(RefusedCommand::plain(Reason::Retained))
         }
     }
 
     /// Refuses repeats without an id by which they could be recognized.
     fn once(
         &self,
-        input: Input<'_>,
-        message: &Message<'_>,
+        input: DriveInput<'_>,
+        message: &BrokerMessage<'_>,
         asked: InputRequest,
-    ) -> Result<InputRequest, Refused> {
+    ) -> Result<InputRequest, RefusedCommand> {
         let is_exempt = match &asked {
             InputRequest::Read(_) => input.only_reads(),
             InputRequest::Order(wish) => wish.id.is_some() || wish.order.is_stop(),
         };
         if message.duplicate && !is_exempt {
-            return Err(Refused::new(
+            return Err(RefusedCommand::new(
                 Reason::Duplicate,
                 "a repeat of a message without an id, which may be old",
             ));
@@ -214,7 +220,12 @@ impl Session {
         Ok(asked)
     }
 
-    fn unknown_drive(&mut self, at: Moment, place: InputAddress<'_>, message: &Message<'_>) {
+    fn unknown_drive(
+        &mut self,
+        at: ClockMoment,
+        place: InputAddress<'_>,
+        message: &BrokerMessage<'_>,
+    ) {
         if !self.half.leads() {
             return;
         }
@@ -222,7 +233,7 @@ impl Session {
         let by = owner(place).unwrap_or(Owner::Mqtt);
         let near = nearest(name, self.drives.iter().map(|drive| drive.name.as_str()));
         let hint = near.map_or_else(String::new, |near| format!("; is it `{near}`?"));
-        let unknown = Refused::new(
+        let unknown = RefusedCommand::new(
             Reason::UnknownDrive,
             format!("there is no drive `{name}`{hint}"),
         );
@@ -234,7 +245,7 @@ impl Session {
             self.counters.ignored += 1;
             return;
         }
-        let asker = Asker {
+        let asker = MqttAsker {
             by,
             id: self.next_id(),
             reply: self.reply_to(message),
@@ -246,11 +257,11 @@ impl Session {
     /// An order that is subject to deadline, ids and bounds.
     fn order(
         &mut self,
-        at: Moment,
+        at: ClockMoment,
         drive: usize,
-        asker: Asker,
+        asker: MqttAsker,
         mut wish: InputCommand,
-        message: &Message<'_>,
+        message: &BrokerMessage<'_>,
     ) {
         let tried = tried_by(&wish.order);
         if wish.id.is_some() {
@@ -272,7 +283,7 @@ impl Session {
                         at,
                         drive,
                         &asker,
-                        &Refused::plain(Reason::Duplicate),
+                        &RefusedCommand::plain(Reason::Duplicate),
                         tried,
                     );
                 }
@@ -280,7 +291,7 @@ impl Session {
         }
         let dated = self.date(at, &mut wish);
         let has_room = self.commands.has_room_for_command();
-        let queue_full = || Refused::plain(Reason::QueueFull);
+        let queue_full = || RefusedCommand::plain(Reason::QueueFull);
         match dated.and_then(|()| has_room.then_some(()).ok_or_else(queue_full)) {
             Ok(()) => {
                 self.remark_on_clients_gone(&mut wish);
@@ -315,9 +326,9 @@ impl Session {
     /// A refusal is final: the same message delivered again is answered with it and never executed.
     fn remember_refusal(
         &mut self,
-        at: Moment,
+        at: ClockMoment,
         drive: usize,
-        asker: &Asker,
+        asker: &MqttAsker,
         wish: &InputCommand,
         reason: Reason,
     ) {
@@ -336,9 +347,9 @@ impl Session {
 
     fn repeat(
         &mut self,
-        at: Moment,
+        at: ClockMoment,
         drive: usize,
-        asker: &Asker,
+        asker: &MqttAsker,
         wish: &InputCommand,
         report: Report,
     ) {
@@ -347,20 +358,20 @@ impl Session {
     }
 
     /// Determines when a command was issued, and refuses one that is or may be too old.
-    fn date(&mut self, at: Moment, wish: &mut InputCommand) -> Result<(), Refused> {
+    fn date(&mut self, at: ClockMoment, wish: &mut InputCommand) -> Result<(), RefusedCommand> {
         let ttl = wish.ttl.unwrap_or(self.settings.command_ttl);
         let issue = wish
             .issued_at
             .map(|issued_at| self.issued.take(at, issued_at))
             .transpose()?;
         if self.path.is_unproven() {
-            return Err(Refused::new(Reason::Stale, WAY_UNPROVEN));
+            return Err(RefusedCommand::new(Reason::Stale, WAY_UNPROVEN));
         }
         let age = issue
             .as_ref()
             .map_or_else(|| self.path.may_have_waited(), |issue| issue.age);
         if age > ttl {
-            return Err(Refused::plain(Reason::Stale));
+            return Err(RefusedCommand::plain(Reason::Stale));
         }
         if let Some(issue) = issue {
             wish.issued = Some(issue.moment);
@@ -372,11 +383,11 @@ impl Session {
     /// Refuses what was attempted on a drive, before it reaches a line.
     pub(super) fn refuse_for(
         &mut self,
-        at: Moment,
+        at: ClockMoment,
         drive: usize,
-        asker: &Asker,
-        refused: &Refused,
-        tried: Option<Tried>,
+        asker: &MqttAsker,
+        refused: &RefusedCommand,
+        tried: Option<TriedWrite>,
     ) {
         self.keep(
             Some(drive),
@@ -389,7 +400,14 @@ impl Session {
         self.refuse(at, name.as_str(), topic, asker, refused);
     }
 
-    fn refuse(&mut self, at: Moment, drive: &str, topic: String, asker: &Asker, refused: &Refused) {
+    fn refuse(
+        &mut self,
+        at: ClockMoment,
+        drive: &str,
+        topic: String,
+        asker: &MqttAsker,
+        refused: &RefusedCommand,
+    ) {
         self.counters.refused += 1;
         self.counters.refused_retained += u64::from(refused.reason == Reason::Retained);
         self.counters.duplicates += u64::from(refused.reason == Reason::Duplicate);
@@ -397,8 +415,8 @@ impl Session {
     }
 
     /// The response topic of the request, if it is allowed.
-    fn reply_to(&mut self, message: &Message<'_>) -> Option<Reply> {
-        if self.settings.version != Version::V5 {
+    fn reply_to(&mut self, message: &BrokerMessage<'_>) -> Option<ReplyTopic> {
+        if self.settings.version != MqttVersion::V5 {
             return None;
         }
         let topic = message.response_topic?;
@@ -410,7 +428,7 @@ impl Session {
             self.counters.responses_ignored += 1;
             return None;
         }
-        Some(Reply {
+        Some(ReplyTopic {
             topic: topic.to_owned(),
             correlation: message.correlation.map(<[u8]>::to_vec),
         })
@@ -418,7 +436,7 @@ impl Session {
 }
 
 /// Whether the message only clears a retained one.
-const fn clears(message: &Message<'_>) -> bool {
+const fn clears(message: &BrokerMessage<'_>) -> bool {
     message.retain && message.payload.is_empty()
 }
 
@@ -426,7 +444,7 @@ const fn clears(message: &Message<'_>) -> bool {
 ///
 /// # Errors
 /// The name in the topic is not a valid client name.
-fn owner(place: InputAddress<'_>) -> Result<Owner, Refused> {
+fn owner(place: InputAddress<'_>) -> Result<Owner, RefusedCommand> {
     let Some(by) = place.by else {
         return Ok(Owner::Mqtt);
     };
@@ -435,7 +453,7 @@ fn owner(place: InputAddress<'_>) -> Result<Owner, Refused> {
             "1 to {} letters, digits, `-`, `_` or `.`, not only dots",
             CommanderName::MAX_CHARS
         );
-        Refused::new(
+        RefusedCommand::new(
             Reason::NotUnderstood,
             format!(
                 "`{}` is not a valid client name; expected {right}",

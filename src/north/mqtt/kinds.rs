@@ -1,15 +1,15 @@
 //! Which topics a drive has, and what each shows.
 
-use super::types::Tree;
+use super::types::TopicTree;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
-use crate::drive::rated::Rated;
+use crate::drive::rated::RatedConversion;
 use crate::drive::usage::{UsagePart, UsageParts};
-use crate::profile::model::{Register, Role};
+use crate::profile::model::{Register, RegisterRole};
 
 /// What a topic shows. Numbers are indices of registers in the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::north) enum Kind {
+pub(in crate::north) enum TopicKind {
     Availability,
     RunState,
     /// A polled register.
@@ -35,7 +35,7 @@ pub(in crate::north) enum Kind {
     Param(usize),
 }
 
-impl Kind {
+impl TopicKind {
     /// Whether its changes are kept while there is no broker to publish to.
     pub(super) const fn is_recorded(self) -> bool {
         matches!(
@@ -45,11 +45,11 @@ impl Kind {
     }
 
     /// The tree it is part of; `None`: it is always published.
-    pub(super) const fn tree(self) -> Option<Tree> {
+    pub(super) const fn tree(self) -> Option<TopicTree> {
         match self {
             Self::Availability => None,
-            Self::Param(_) => Some(Tree::Param),
-            _ => Some(Tree::Values),
+            Self::Param(_) => Some(TopicTree::Param),
+            _ => Some(TopicTree::Values),
         }
     }
 
@@ -65,15 +65,17 @@ impl Kind {
 }
 
 /// What is shown of `drive`, each with its topic below the drive's.
-pub(in crate::north) fn kinds(drive: &DriveDescription) -> Vec<(Kind, String)> {
+pub(in crate::north) fn kinds(drive: &DriveDescription) -> Vec<(TopicKind, String)> {
     let mut kinds = vec![
-        (Kind::Availability, "availability".into()),
-        (Kind::RunState, "run/state".into()),
+        (TopicKind::Availability, "availability".into()),
+        (TopicKind::RunState, "run/state".into()),
     ];
     let polled = |(_, register): &(usize, &Register)| register.poll.is_some();
     let values = drive.model.registers.iter().enumerate().filter(polled);
     kinds.extend(
-        values.filter_map(|(place, register)| Some((Kind::Polled(place), value_topic(register)?))),
+        values.filter_map(|(place, register)| {
+            Some((TopicKind::Polled(place), value_topic(register)?))
+        }),
     );
     let in_per_cent = drive
         .model
@@ -82,39 +84,39 @@ pub(in crate::north) fn kinds(drive: &DriveDescription) -> Vec<(Kind, String)> {
         .enumerate()
         .filter(polled)
         .filter_map(|(place, register)| {
-            let rated = Rated::of(register, &drive.ratings)?;
+            let rated = RatedConversion::of(register, &drive.ratings)?;
             Some((
-                Kind::Rated(place),
+                TopicKind::Rated(place),
                 format!("measure/{}", measure_name(register.role?, rated.unit)?),
             ))
         });
     kinds.extend(in_per_cent);
     let has_setpoint = kinds.iter().any(|(_, rest)| rest == SETPOINT);
     if drive.control.is_some() && !has_setpoint {
-        kinds.push((Kind::Setpoint, SETPOINT.into()));
+        kinds.push((TopicKind::Setpoint, SETPOINT.into()));
     }
     if drive.control.is_some() {
-        kinds.push((Kind::Owner, "control/owner".into()));
+        kinds.push((TopicKind::Owner, "control/owner".into()));
     }
     let trips = [
-        (Kind::TripActive, "active"),
-        (Kind::TripCode, "code"),
-        (Kind::TripText, "text"),
-        (Kind::TripCount, "count"),
-        (Kind::TripLast, "last"),
+        (TopicKind::TripActive, "active"),
+        (TopicKind::TripCode, "code"),
+        (TopicKind::TripText, "text"),
+        (TopicKind::TripCount, "count"),
+        (TopicKind::TripLast, "last"),
     ];
     kinds.extend(trips.map(|(kind, rest)| (kind, format!("trip/{rest}"))));
     if drive.model.warning_register().is_some() {
         let warnings = [
-            (Kind::WarningActive, "active"),
-            (Kind::WarningCode, "code"),
-            (Kind::WarningText, "text"),
+            (TopicKind::WarningActive, "active"),
+            (TopicKind::WarningCode, "code"),
+            (TopicKind::WarningText, "text"),
         ];
         kinds.extend(warnings.map(|(kind, rest)| (kind, format!("warning/{rest}"))));
     }
     let parts = UsageParts::of(&drive.model);
     let used = UsagePart::ALL.into_iter().filter(|part| parts.has(*part));
-    kinds.extend(used.map(|part| (Kind::Usage(part), format!("usage/{}", part.word()))));
+    kinds.extend(used.map(|part| (TopicKind::Usage(part), format!("usage/{}", part.keyword()))));
     kinds
 }
 
@@ -123,12 +125,18 @@ const SETPOINT: &str = "frequency/setpoint";
 /// The topic of a polled register; `None` for the trip count, which is shown as interpreted.
 fn value_topic(register: &Register) -> Option<String> {
     match register.role {
-        Some(Role::OutputFrequency) => Some("frequency/output".to_owned()),
-        Some(Role::FrequencySetting | Role::FrequencyCommand) => Some(SETPOINT.to_owned()),
+        Some(RegisterRole::OutputFrequency) => Some("frequency/output".to_owned()),
+        Some(RegisterRole::FrequencySetting | RegisterRole::FrequencyCommand) => {
+            Some(SETPOINT.to_owned())
+        }
         Some(
-            Role::TripCount | Role::TripCode | Role::TripBits | Role::TripCause | Role::TripHistory,
+            RegisterRole::TripCount
+            | RegisterRole::TripCode
+            | RegisterRole::TripBits
+            | RegisterRole::TripCause
+            | RegisterRole::TripHistory,
         ) => None,
-        Some(Role::WarningCode | Role::WarningBits) => None,
+        Some(RegisterRole::WarningCode | RegisterRole::WarningBits) => None,
         Some(role) => Some(format!(
             "measure/{}",
             measure_name(role, register.unit).unwrap_or(&register.name)
@@ -138,16 +146,16 @@ fn value_topic(register: &Register) -> Option<String> {
 }
 
 /// The vendor-independent name of a measurement, if it is in its vendor-independent unit.
-const fn measure_name(role: Role, unit: UnitOfMeasure) -> Option<&'static str> {
+const fn measure_name(role: RegisterRole, unit: UnitOfMeasure) -> Option<&'static str> {
     Some(match (role, unit) {
-        (Role::OutputCurrent, UnitOfMeasure::Ampere) => "current",
-        (Role::OutputVoltage, UnitOfMeasure::Volt) => "voltage",
-        (Role::DcLinkVoltage, UnitOfMeasure::Volt) => "dc_voltage",
-        (Role::OutputPower, UnitOfMeasure::Kilowatt) => "power",
-        (Role::Torque, UnitOfMeasure::Percent) => "torque",
-        (Role::Temperature, UnitOfMeasure::Celsius) => "temperature",
-        (Role::RunHours, UnitOfMeasure::Hour) => "run_hours",
-        (Role::Energy, UnitOfMeasure::KilowattHour) => "energy",
+        (RegisterRole::OutputCurrent, UnitOfMeasure::Ampere) => "current",
+        (RegisterRole::OutputVoltage, UnitOfMeasure::Volt) => "voltage",
+        (RegisterRole::DcLinkVoltage, UnitOfMeasure::Volt) => "dc_voltage",
+        (RegisterRole::OutputPower, UnitOfMeasure::Kilowatt) => "power",
+        (RegisterRole::Torque, UnitOfMeasure::Percent) => "torque",
+        (RegisterRole::Temperature, UnitOfMeasure::Celsius) => "temperature",
+        (RegisterRole::RunHours, UnitOfMeasure::Hour) => "run_hours",
+        (RegisterRole::Energy, UnitOfMeasure::KilowattHour) => "energy",
         _ => return None,
     })
 }

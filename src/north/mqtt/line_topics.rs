@@ -1,14 +1,14 @@
 //! The retained topics of one line, and the documents that describe the gateway and its drives.
 
-use super::slot::{Content, Present, Slot, retained};
-use super::topics::Topics;
+use super::slot::{RenderContext, TopicContent, TopicSlot, retained};
+use super::topics::MqttTopics;
 use super::types::Settings;
 use crate::domain::ids::Name;
 use crate::domain::report::{LineCounters, LineReport, REPLY_CLASSES, ReplyReport, StationReport};
-use crate::domain::suspicion::Suspicion;
+use crate::domain::suspicion::LineSuspicion;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
-use crate::north::broker::{LineState, Publication, Qos};
+use crate::north::broker::{Publication, Qos, SessionLine};
 use crate::north::shown::{capabilities, millis, site};
 use serde_json::{Value, json};
 use std::time::Duration;
@@ -19,9 +19,9 @@ const STATS_EVERY: Duration = Duration::from_secs(10);
 /// The retained topics of one line.
 #[derive(Debug)]
 pub(super) struct LineTopics {
-    status: Slot,
+    status: TopicSlot,
     /// Which of several gateways is active on the line, and its name.
-    active: Option<(Slot, String)>,
+    active: Option<(TopicSlot, String)>,
     stats_topic: String,
     /// The names of its drives, in order, each with the topic of its counts. They have topics of their own, so that no
     /// document grows with the drives: brokers limit the size of packets.
@@ -34,7 +34,7 @@ pub(super) struct LineTopics {
 }
 
 impl LineTopics {
-    pub(super) fn new(topics: &Topics, name: &Name, drives: &[DriveDescription]) -> Self {
+    pub(super) fn new(topics: &MqttTopics, name: &Name, drives: &[DriveDescription]) -> Self {
         let topic = |rest| topics.line(name.as_str(), rest);
         let stats_of = |drive: &DriveDescription| topics.drive(drive.name.as_str(), "stats");
         let drives = drives
@@ -43,8 +43,8 @@ impl LineTopics {
             .map(|drive| (drive.name.clone(), stats_of(drive)));
         let active = topics
             .half()
-            .map(|half| (Slot::new(topic("active")), half.to_string()));
-        let status = Slot::new(topic("status"));
+            .map(|half| (TopicSlot::new(topic("active")), half.to_string()));
+        let status = TopicSlot::new(topic("status"));
         let drives = drives.collect();
         Self {
             status,
@@ -81,19 +81,19 @@ impl LineTopics {
     }
 
     /// The next publication; `None` if all topics show `line`.
-    pub(super) fn next(&mut self, now: &Present, line: &LineState) -> Option<Publication> {
+    pub(super) fn next(&mut self, now: &RenderContext, line: &SessionLine) -> Option<Publication> {
         let status = status(&line.report);
         let payload = status.clone().into_bytes();
         if self
             .status
-            .offer(now, Content::Text(status.into()), |_, _| true)
+            .offer(now, TopicContent::Text(status.into()), |_, _| true)
             .is_some()
         {
             return Some(self.status.publication(now, payload, Qos::AtLeastOnce));
         }
         if let Some((active, half)) = &mut self.active
             && active
-                .offer(now, Content::Text(half.clone().into()), |_, _| true)
+                .offer(now, TopicContent::Text(half.clone().into()), |_, _| true)
                 .is_some()
         {
             return Some(active.publication(now, half.clone().into_bytes(), Qos::AtLeastOnce));
@@ -101,7 +101,7 @@ impl LineTopics {
         self.next_stats(now, line)
     }
 
-    fn next_stats(&mut self, now: &Present, line: &LineState) -> Option<Publication> {
+    fn next_stats(&mut self, now: &RenderContext, line: &SessionLine) -> Option<Publication> {
         let report = &line.report;
         if self.stats.is_some()
             && let Some(((name, topic), station)) =
@@ -137,7 +137,7 @@ impl LineTopics {
             object.insert("suspended".to_owned(), report.quality.is_suspended.into());
             object.insert(
                 "suspicion".to_owned(),
-                report.suspicion.map(Suspicion::word).into(),
+                report.suspicion.map(LineSuspicion::keyword).into(),
             );
             object.insert("at".to_owned(), now.clock.text(now.at).into());
         }
@@ -264,14 +264,14 @@ fn line_stats(counters: &LineCounters) -> Value {
 
 /// A topic that says what the gateway or a drive is. It changes only with the configuration.
 #[derive(Debug)]
-pub(super) struct Info {
+pub(super) struct InfoTopic {
     pub(super) topic: String,
     pub(super) payload: Vec<u8>,
     /// It is published on this connection.
     pub(super) is_told: bool,
 }
 
-impl Info {
+impl InfoTopic {
     /// Whether both say the same.
     pub(super) fn is_of_the_same(&self, other: &Self) -> bool {
         self.topic == other.topic && self.payload == other.payload
@@ -281,12 +281,12 @@ impl Info {
 /// What the gateway and its drives are: the gateway first, with the names of lines and drives.
 pub(super) fn infos(
     settings: &Settings,
-    topics: &Topics,
+    topics: &MqttTopics,
     drives: &[DriveDescription],
     lines: &[Name],
     started: &str,
-) -> Vec<Info> {
-    let info = |topic: String, document: &Value| Info {
+) -> Vec<InfoTopic> {
+    let info = |topic: String, document: &Value| InfoTopic {
         topic,
         payload: document.to_string().into_bytes(),
         is_told: false,

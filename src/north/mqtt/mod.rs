@@ -1,7 +1,7 @@
 //! The MQTT side without a socket or a clock: messages of the broker, answers of the lines and time go in; what is to
 //! be published, subscribed and commanded is returned.
 //!
-//! [`Session`] is the whole. Inside it, `topics` knows every topic, `payload`, `command_json` and `params` parse what
+//! [`MqttSession`] is the whole. Inside it, `topics` knows every topic, `payload`, `command_json` and `params` parse what
 //! clients send, `inputs` and `dispatch` turn it into commands of [`broker`](super::broker), `answers` and `results`
 //! publish their outcomes, `attempts` describes what a refused message attempted, `seen` remembers used ids, `stored`,
 //! `event_queue` and `history` hold what is still to be published, `telemetry` walks the views of the drives, `points`
@@ -62,9 +62,9 @@ mod session_tests;
 #[cfg(test)]
 mod telemetry_tests;
 
-pub use counters::Counters;
+pub use counters::MqttCounters;
 pub(in crate::north) use drive_topics::{code as trip_code, trips_are_fresh};
-pub(in crate::north) use kinds::{Kind, kinds};
-pub(in crate::north) use points::Points;
-pub use session::Session;
-pub use types::{Act, Combined, HomeAssistant, LeaseMode, Settings, Tree};
+pub(in crate::north) use kinds::{TopicKind, kinds};
+pub(in crate::north) use points::PublishedPoints;
+pub use session::MqttSession;
+pub use types::{CombinedEntity, HomeAssistant, LeaseMode, MqttAct, Settings, TopicTree};

@@ -1,9 +1,9 @@
 //! What outlives a broken connection: events that a journal keeps, and telemetry of the time without a broker.
 
 use super::harness::{Rig, Staged, drives, publications, settings};
-use super::types::{Act, Settings};
+use super::types::{MqttAct, Settings};
 use crate::journal::StoredEvent;
-use crate::north::broker::{Event, Publication, Qos, Version};
+use crate::north::broker::{BrokerEvent, MqttVersion, Publication, Qos};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::collections::VecDeque;
@@ -27,14 +27,16 @@ struct Journal {
 impl Journal {
     const GIVEN_MAX: usize = 5;
 
-    fn act(&mut self, act: &Act) {
+    fn act(&mut self, act: &MqttAct) {
         match act {
-            Act::WantEvents { after } => self.want = Some(*after),
-            Act::EventTaken(seq) => {
+            MqttAct::WantEvents { after } => self.want = Some(*after),
+            MqttAct::EventTaken(seq) => {
                 assert!(!self.taken.contains(seq) && self.published.contains(seq));
                 self.taken.push(*seq);
             }
-            Act::Publish(it) if it.topic == "vfd/plant/drive/pump/trip/event" => self.publish(it),
+            MqttAct::Publish(it) if it.topic == "vfd/plant/drive/pump/trip/event" => {
+                self.publish(it)
+            }
             _ => {}
         }
     }
@@ -118,7 +120,7 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
     prop::collection::vec(step, 1..120)
 }
 
-fn act(rig: &mut Rig, journal: &mut Journal, acts: Vec<Act>) {
+fn act(rig: &mut Rig, journal: &mut Journal, acts: Vec<MqttAct>) {
     let more = rig.acts();
     acts.iter().chain(&more).for_each(|act| journal.act(act));
 }
@@ -139,11 +141,11 @@ fn play(rig: &mut Rig, journal: &mut Journal, step: Step) {
             if !journal.open.is_empty() {
                 let place = usize::from(place) % journal.open.len();
                 let (_, token) = journal.open.remove(place);
-                rig.handle(Event::Acknowledged(token));
+                rig.handle(BrokerEvent::Acknowledged(token));
             }
         }
         Step::Breaks | Step::Connects => {
-            rig.handle(Event::Lost);
+            rig.handle(BrokerEvent::Lost);
             journal.newest_of_connection = 0;
             journal.open = Vec::new();
             if matches!(step, Step::Connects) {
@@ -158,7 +160,7 @@ fn play(rig: &mut Rig, journal: &mut Journal, step: Step) {
 proptest! {
     #[test]
     fn no_event_is_lost_whenever_the_connection_breaks(steps in steps()) {
-        let mut rig = Rig::born(Version::V5);
+        let mut rig = Rig::born(MqttVersion::V5);
         // `want` is what was published at birth.
         let mut journal = Journal { want: Some(0), ..Journal::default() };
         for step in steps {
@@ -180,14 +182,14 @@ proptest! {
 fn keeping(keep_telemetry: usize) -> Rig {
     let mut rig = Rig::with(Settings {
         keep_telemetry,
-        ..settings(Version::V5)
+        ..settings(MqttVersion::V5)
     });
     rig.poll(0, 3_000);
     rig.connect();
     rig
 }
 
-fn history(acts: &[Act]) -> Vec<(Value, u64)> {
+fn history(acts: &[MqttAct]) -> Vec<(Value, u64)> {
     let all = publications(acts)
         .into_iter()
         .filter(|it| it.topic == "vfd/plant/drive/pump/history");
@@ -204,7 +206,7 @@ fn history(acts: &[Act]) -> Vec<(Value, u64)> {
 #[test]
 fn changes_of_an_outage_are_reported_after_the_present() {
     let mut rig = keeping(100);
-    rig.handle(Event::Lost);
+    rig.handle(BrokerEvent::Lost);
     rig.acts();
     for (millis, output) in [(1_000, 3_500), (1_000, 3_510), (1_000, 4_000)] {
         rig.pass(millis);
@@ -243,15 +245,15 @@ fn changes_of_an_outage_are_reported_after_the_present() {
         "the present first"
     );
 
-    rig.handle(Event::Acknowledged(told[0].1));
-    rig.handle(Event::Lost);
+    rig.handle(BrokerEvent::Acknowledged(told[0].1));
+    rig.handle(BrokerEvent::Lost);
     let again = history(&rig.connect());
     assert_eq!(
         again.iter().map(|(it, _)| it.clone()).collect::<Vec<_>>(),
         [expected(3, 40.0)],
         "until it has arrived"
     );
-    rig.handle(Event::Acknowledged(again[0].1));
+    rig.handle(BrokerEvent::Acknowledged(again[0].1));
     assert_eq!(rig.session.counters().history_waiting, 0);
     rig.poll(0, 4_500);
     assert_eq!(
@@ -265,7 +267,7 @@ fn changes_of_an_outage_are_reported_after_the_present() {
 fn a_change_of_the_run_state_is_kept_and_without_the_wish_nothing_is() {
     for (most, kept) in [(100, 1), (0, 0)] {
         let mut rig = keeping(most);
-        rig.handle(Event::Lost);
+        rig.handle(BrokerEvent::Lost);
         rig.views[0].run_state = crate::drive::view::RunState::Forward;
         rig.acts();
         let told = history(&rig.connect());
@@ -281,7 +283,7 @@ fn a_change_of_the_run_state_is_kept_and_without_the_wish_nothing_is() {
 #[test]
 fn the_oldest_changes_give_way_and_the_rest_goes_slowly() {
     let mut rig = keeping(50);
-    rig.handle(Event::Lost);
+    rig.handle(BrokerEvent::Lost);
     for step in 0..80_u16 {
         rig.pass(100);
         rig.poll(0, 100 * step);
@@ -301,7 +303,7 @@ fn the_oldest_changes_give_way_and_the_rest_goes_slowly() {
     for _ in 0..200 {
         for (it, token) in std::mem::take(&mut told) {
             all.push(it["value"].as_f64().expect("a number"));
-            rig.handle(Event::Acknowledged(token));
+            rig.handle(BrokerEvent::Acknowledged(token));
             acknowledged += 1;
         }
         let before = all.len();

@@ -1,9 +1,9 @@
 //! Registers by the vendor's code or by name, and values in their units.
 
-use super::payload::{Refused, short};
+use super::payload::{RefusedCommand, short};
 use crate::domain::command::{Reason, RegisterWrite};
 use crate::domain::problem::nearest;
-use crate::profile::model::{Model, Register, Role};
+use crate::profile::model::{Model, Register, RegisterRole};
 use crate::profile::scale::{NoWord, to_both, to_raw};
 
 /// The name of a register in topics and results: the vendor's code, else its name.
@@ -15,45 +15,49 @@ pub(super) fn label(register: &Register) -> &str {
 ///
 /// # Errors
 /// There is no such register, or reading it is not documented.
-pub(super) fn readable(model: &Model, code: &str) -> Result<usize, Refused> {
+pub(super) fn readable(model: &Model, code: &str) -> Result<usize, RefusedCommand> {
     let register = find(model, code)?;
     if !register.access.can_read() {
         let message = format!(
             "reading `{}` is not documented for this drive",
             label(register)
         );
-        return Err(Refused::new(Reason::NotCapable, message));
+        return Err(RefusedCommand::new(Reason::NotCapable, message));
     }
     if register.form.bases().next().is_some() || !register.form.plus.is_empty() {
         let message = format!(
             "the value of `{}` depends on other registers: see its own topic",
             label(register)
         );
-        return Err(Refused::new(Reason::NotCapable, message));
+        return Err(RefusedCommand::new(Reason::NotCapable, message));
     }
     let place = model
         .registers
         .iter()
         .position(|it| it.name == register.name);
-    place.ok_or_else(|| Refused::plain(Reason::NotListed))
+    place.ok_or_else(|| RefusedCommand::plain(Reason::NotListed))
 }
 
 /// The write of `value`, in the register's unit, to the register called `code`.
 ///
 /// # Errors
 /// There is no such register, it has an input of its own, or it cannot hold the value.
-pub(super) fn write(model: &Model, code: &str, value: f64) -> Result<RegisterWrite, Refused> {
+pub(super) fn write(
+    model: &Model,
+    code: &str,
+    value: f64,
+) -> Result<RegisterWrite, RefusedCommand> {
     let register = find(model, code)?;
     if let Some(input) = own_input(register) {
         let message = format!("`{}` has an input of its own: `{input}`", label(register));
-        return Err(Refused::new(Reason::NotListed, message));
+        return Err(RefusedCommand::new(Reason::NotListed, message));
     }
     if !register.is_exact() {
         let message = format!(
             "`{}` is not in whole steps of its unit: write its word by Modbus TCP",
             label(register)
         );
-        return Err(Refused::new(Reason::NotCapable, message));
+        return Err(RefusedCommand::new(Reason::NotCapable, message));
     }
     let refused = |why| no_word(why, register);
     Ok(match register.form.pair {
@@ -68,19 +72,19 @@ pub(super) fn write(model: &Model, code: &str, value: f64) -> Result<RegisterWri
 /// The input of a register that is written only by orders.
 const fn own_input(register: &Register) -> Option<&'static str> {
     match register.role {
-        Some(Role::RunCommand | Role::Order) => Some("run/set"),
-        Some(Role::FrequencyCommand) => Some("frequency/set"),
+        Some(RegisterRole::RunCommand | RegisterRole::Order) => Some("run/set"),
+        Some(RegisterRole::FrequencyCommand) => Some("frequency/set"),
         _ => None,
     }
 }
 
-fn find<'m>(model: &'m Model, code: &str) -> Result<&'m Register, Refused> {
+fn find<'m>(model: &'m Model, code: &str) -> Result<&'m Register, RefusedCommand> {
     model
         .register_named(code)
         .ok_or_else(|| unknown(model, code))
 }
 
-fn unknown(model: &Model, code: &str) -> Refused {
+fn unknown(model: &Model, code: &str) -> RefusedCommand {
     let labels = model
         .registers
         .iter()
@@ -89,18 +93,18 @@ fn unknown(model: &Model, code: &str) -> Refused {
     // The cost of comparing grows with the square of the length.
     let near = (code.len() <= 64).then(|| nearest(code, labels)).flatten();
     let hint = near.map_or_else(String::new, |near| format!("; is it `{near}`?"));
-    Refused::new(
+    RefusedCommand::new(
         Reason::NotListed,
         format!("the drive has no parameter `{}`{hint}", short(code)),
     )
 }
 
-fn no_word(why: NoWord, register: &Register) -> Refused {
+fn no_word(why: NoWord, register: &Register) -> RefusedCommand {
     let reason = match why {
         NoWord::NotANumber => Reason::NotANumber,
         NoWord::OutOfRange { .. } | NoWord::BetweenSteps { .. } => Reason::BetweenSteps,
     };
-    Refused::new(
+    RefusedCommand::new(
         reason,
         format!("the value of `{}` is {why}", label(register)),
     )

@@ -2,15 +2,15 @@
 
 use super::command_json;
 use super::params;
-use super::topics::Input;
-use crate::domain::command::{Direction, Go, Order, Reason, RegisterWrite};
+use super::topics::DriveInput;
+use crate::domain::command::{Direction, GoOrder, Order, Reason, RegisterWrite};
 use crate::domain::frequency::{Hertz, decimal};
 use crate::domain::time::MonoTime;
 use crate::north::command_words::{
     RUN_EXAMPLE, RunWord, beside_a_stop, no_frequency, run_word, short_number, stop_in,
     unknown_word, without_mark,
 };
-pub(super) use crate::north::command_words::{Refused, short};
+pub(super) use crate::north::command_words::{RefusedCommand, short};
 use crate::profile::model::Model;
 use crate::profile::scale::setpoint_step;
 use serde_json::Value;
@@ -59,15 +59,15 @@ impl InputCommand {
 
 /// Reads the payload of `input` for a drive of `model`, with the id if one could be read.
 pub(super) fn read(
-    input: Input<'_>,
+    input: DriveInput<'_>,
     payload: &[u8],
     model: &Model,
-) -> (Option<Value>, Result<InputRequest, Refused>) {
+) -> (Option<Value>, Result<InputRequest, RefusedCommand>) {
     if payload.len() > PAYLOAD_MAX_BYTES {
         let refused = too_large(payload.len());
         let stop = match input {
-            Input::Command => stop_in(payload),
-            Input::Run => stop_word(payload),
+            DriveInput::Command => stop_in(payload),
+            DriveInput::Run => stop_word(payload),
             _ => None,
         };
         let Some(stop) = stop else {
@@ -85,38 +85,42 @@ pub(super) fn read(
     if payload.is_empty() && !input.takes_empty() {
         return (None, Err(empty()));
     }
-    if input == Input::Command {
+    if input == DriveInput::Command {
         let (id, wish) = command_json::read(payload, model);
         return (id, wish.map(InputRequest::Order));
     }
     (None, plain(input, payload, model))
 }
 
-fn empty() -> Refused {
-    Refused::new(
+fn empty() -> RefusedCommand {
+    RefusedCommand::new(
         Reason::NotUnderstood,
         "the payload is empty, which orders nothing",
     )
 }
 
-fn too_large(bytes: usize) -> Refused {
+fn too_large(bytes: usize) -> RefusedCommand {
     let message = format!(
         "{bytes} bytes are more than any command needs; at most {PAYLOAD_MAX_BYTES} are read"
     );
-    Refused::new(Reason::TooLarge, message)
+    RefusedCommand::new(Reason::TooLarge, message)
 }
 
-fn plain(input: Input<'_>, payload: &[u8], model: &Model) -> Result<InputRequest, Refused> {
+fn plain(
+    input: DriveInput<'_>,
+    payload: &[u8],
+    model: &Model,
+) -> Result<InputRequest, RefusedCommand> {
     let order = match input {
-        Input::ParamGet(code) => return params::readable(model, code).map(InputRequest::Read),
-        Input::Run => run_order(text(payload, RUN_EXAMPLE)?)?,
-        Input::Frequency => frequency_order(text(payload, "such as 42.5")?, model)?,
-        Input::Reset => only(text(payload, "`reset`")?, "reset", Order::Reset)?,
-        Input::Take => only(text(payload, "`take`")?, "take", Order::Take)?,
-        Input::Release => only(text(payload, "`release`")?, "release", Order::Release)?,
-        Input::ParamSet(code) => param_order(model, code, payload)?,
-        Input::Lease => Order::Renew,
-        Input::Command => return Err(Refused::plain(Reason::NotUnderstood)),
+        DriveInput::ParamGet(code) => return params::readable(model, code).map(InputRequest::Read),
+        DriveInput::Run => run_order(text(payload, RUN_EXAMPLE)?)?,
+        DriveInput::Frequency => frequency_order(text(payload, "such as 42.5")?, model)?,
+        DriveInput::Reset => only(text(payload, "`reset`")?, "reset", Order::Reset)?,
+        DriveInput::Take => only(text(payload, "`take`")?, "take", Order::Take)?,
+        DriveInput::Release => only(text(payload, "`release`")?, "release", Order::Release)?,
+        DriveInput::ParamSet(code) => param_order(model, code, payload)?,
+        DriveInput::Lease => Order::Renew,
+        DriveInput::Command => return Err(RefusedCommand::plain(Reason::NotUnderstood)),
     };
     Ok(InputRequest::Order(InputCommand::plain(order)))
 }
@@ -139,7 +143,7 @@ pub(super) const fn stop_order(word: RunWord) -> Order {
 }
 
 /// Accepts the payload of `all/run/set`.
-pub(super) fn read_all(payload: &[u8]) -> Result<(), Refused> {
+pub(super) fn read_all(payload: &[u8]) -> Result<(), RefusedCommand> {
     if payload.len() > PAYLOAD_MAX_BYTES {
         let is_stop = stop_word(payload) == Some(RunWord::Stop);
         return if is_stop {
@@ -159,7 +163,7 @@ pub(super) fn read_all(payload: &[u8]) -> Result<(), Refused> {
     }
 }
 
-fn run_order(text: &str) -> Result<Order, Refused> {
+fn run_order(text: &str) -> Result<Order, RefusedCommand> {
     Ok(match run_word(text)? {
         RunWord::Stop => Order::Stop { setpoint: None },
         RunWord::Coast => Order::Coast,
@@ -167,7 +171,7 @@ fn run_order(text: &str) -> Result<Order, Refused> {
     })
 }
 
-fn frequency_order(text: &str, model: &Model) -> Result<Order, Refused> {
+fn frequency_order(text: &str, model: &Model) -> Result<Order, RefusedCommand> {
     short_number(text, "42.5")?;
     let frequency = Hertz::parse(text);
     let frequency =
@@ -176,7 +180,7 @@ fn frequency_order(text: &str, model: &Model) -> Result<Order, Refused> {
 }
 
 /// Accepts the only word that a topic takes.
-fn only(text: &str, word: &str, order: Order) -> Result<Order, Refused> {
+fn only(text: &str, word: &str, order: Order) -> Result<Order, RefusedCommand> {
     if text.trim().eq_ignore_ascii_case(word) {
         Ok(order)
     } else {
@@ -184,11 +188,11 @@ fn only(text: &str, word: &str, order: Order) -> Result<Order, Refused> {
     }
 }
 
-fn param_order(model: &Model, code: &str, payload: &[u8]) -> Result<Order, Refused> {
+fn param_order(model: &Model, code: &str, payload: &[u8]) -> Result<Order, RefusedCommand> {
     let text = text(payload, "such as 10.5")?;
     short_number(text, "10.5")?;
     let value = decimal(text).ok_or_else(|| {
-        Refused::new(
+        RefusedCommand::new(
             Reason::NotANumber,
             format!(
                 "`{}` is not a number with a decimal point, such as 10.5",
@@ -204,17 +208,17 @@ pub(super) fn go(
     registers: Vec<RegisterWrite>,
     frequency: Option<Hertz>,
     run: Option<Direction>,
-) -> Result<Order, Refused> {
-    Go::new(registers, frequency, run)
+) -> Result<Order, RefusedCommand> {
+    GoOrder::new(registers, frequency, run)
         .map(Order::Go)
-        .ok_or_else(|| Refused::plain(Reason::TooManyFrames))
+        .ok_or_else(|| RefusedCommand::plain(Reason::TooManyFrames))
 }
 
 /// The payload as trimmed text.
-fn text<'p>(payload: &'p [u8], right: &str) -> Result<&'p str, Refused> {
+fn text<'p>(payload: &'p [u8], right: &str) -> Result<&'p str, RefusedCommand> {
     let text = std::str::from_utf8(without_mark(payload)).map(str::trim);
     text.map_err(|_| {
-        Refused::new(
+        RefusedCommand::new(
             Reason::NotUnderstood,
             format!("the payload is not text; expected {right}"),
         )
@@ -226,7 +230,7 @@ mod tests {
     use super::*;
     use crate::north::mqtt::harness::model;
 
-    fn order(input: Input<'_>, payload: &str) -> Result<Order, Reason> {
+    fn order(input: DriveInput<'_>, payload: &str) -> Result<Order, Reason> {
         match read(input, payload.as_bytes(), &model()).1 {
             Ok(InputRequest::Order(wish)) => Ok(wish.order),
             Ok(InputRequest::Read(_)) => panic!("a read"),
@@ -237,45 +241,49 @@ mod tests {
     #[test]
     fn words_are_taken_trimmed_and_in_any_case() {
         assert_eq!(
-            order(Input::Run, " STOP\n"),
+            order(DriveInput::Run, " STOP\n"),
             Ok(Order::Stop { setpoint: None })
         );
-        assert_eq!(order(Input::Run, "Coast"), Ok(Order::Coast));
-        let reverse = Go::new(Vec::new(), None, Some(Direction::Reverse)).unwrap();
-        assert_eq!(order(Input::Run, "reverse"), Ok(Order::Go(reverse)));
-        assert_eq!(order(Input::Reset, "Reset "), Ok(Order::Reset));
-        assert_eq!(order(Input::Take, " Take"), Ok(Order::Take));
-        assert_eq!(order(Input::Release, "RELEASE"), Ok(Order::Release));
-        assert_eq!(order(Input::Lease, "anything"), Ok(Order::Renew));
-        let frequency = Go::new(Vec::new(), Some(Hertz::from_millihertz(42_500)), None).unwrap();
-        assert_eq!(order(Input::Frequency, " 42.5 "), Ok(Order::Go(frequency)));
+        assert_eq!(order(DriveInput::Run, "Coast"), Ok(Order::Coast));
+        let reverse = GoOrder::new(Vec::new(), None, Some(Direction::Reverse)).unwrap();
+        assert_eq!(order(DriveInput::Run, "reverse"), Ok(Order::Go(reverse)));
+        assert_eq!(order(DriveInput::Reset, "Reset "), Ok(Order::Reset));
+        assert_eq!(order(DriveInput::Take, " Take"), Ok(Order::Take));
+        assert_eq!(order(DriveInput::Release, "RELEASE"), Ok(Order::Release));
+        assert_eq!(order(DriveInput::Lease, "anything"), Ok(Order::Renew));
+        let frequency =
+            GoOrder::new(Vec::new(), Some(Hertz::from_millihertz(42_500)), None).unwrap();
+        assert_eq!(
+            order(DriveInput::Frequency, " 42.5 "),
+            Ok(Order::Go(frequency))
+        );
     }
 
     #[test]
     fn other_payloads_are_refused_with_their_reason() {
         let table = [
-            (Input::Run, "start", Reason::NotUnderstood),
-            (Input::Run, "1", Reason::NotUnderstood),
-            (Input::Run, "forward stop", Reason::NotUnderstood),
-            (Input::Frequency, "4,5", Reason::NotANumber),
-            (Input::Frequency, "NaN", Reason::NotANumber),
-            (Input::Frequency, "inf", Reason::NotANumber),
-            (Input::Frequency, "1e3", Reason::NotANumber),
-            (Input::Frequency, "-5", Reason::OutsideLimits),
-            (Input::Frequency, "5.00001", Reason::BetweenSteps),
-            (Input::Reset, "true", Reason::NotUnderstood),
-            (Input::Take, "1", Reason::NotUnderstood),
-            (Input::Take, "", Reason::NotUnderstood),
-            (Input::ParamSet("F007"), "1e1", Reason::NotANumber),
-            (Input::ParamSet("F007"), "4,5", Reason::NotANumber),
-            (Input::ParamSet("F007"), "1.25", Reason::BetweenSteps),
-            (Input::ParamSet("F999"), "1", Reason::NotListed),
+            (DriveInput::Run, "start", Reason::NotUnderstood),
+            (DriveInput::Run, "1", Reason::NotUnderstood),
+            (DriveInput::Run, "forward stop", Reason::NotUnderstood),
+            (DriveInput::Frequency, "4,5", Reason::NotANumber),
+            (DriveInput::Frequency, "NaN", Reason::NotANumber),
+            (DriveInput::Frequency, "inf", Reason::NotANumber),
+            (DriveInput::Frequency, "1e3", Reason::NotANumber),
+            (DriveInput::Frequency, "-5", Reason::OutsideLimits),
+            (DriveInput::Frequency, "5.00001", Reason::BetweenSteps),
+            (DriveInput::Reset, "true", Reason::NotUnderstood),
+            (DriveInput::Take, "1", Reason::NotUnderstood),
+            (DriveInput::Take, "", Reason::NotUnderstood),
+            (DriveInput::ParamSet("F007"), "1e1", Reason::NotANumber),
+            (DriveInput::ParamSet("F007"), "4,5", Reason::NotANumber),
+            (DriveInput::ParamSet("F007"), "1.25", Reason::BetweenSteps),
+            (DriveInput::ParamSet("F999"), "1", Reason::NotListed),
         ];
         for (input, payload, reason) in table {
             assert_eq!(order(input, payload), Err(reason), "{payload}");
         }
         let absurd = format!("{}1", "0".repeat(4_000));
-        for input in [Input::Frequency, Input::ParamSet("F007")] {
+        for input in [DriveInput::Frequency, DriveInput::ParamSet("F007")] {
             let (_, refused) = read(input, absurd.as_bytes(), &model());
             let refused = refused.unwrap_err();
             assert_eq!(refused.reason, Reason::NotUnderstood);
@@ -285,9 +293,13 @@ mod tests {
                 refused.message
             );
         }
-        let (_, not_text) = read(Input::Run, b"stop\xFF", &model());
+        let (_, not_text) = read(DriveInput::Run, b"stop\xFF", &model());
         assert_eq!(not_text.unwrap_err().reason, Reason::NotUnderstood);
-        let (_, large) = read(Input::Run, &vec![b' '; PAYLOAD_MAX_BYTES + 1], &model());
+        let (_, large) = read(
+            DriveInput::Run,
+            &vec![b' '; PAYLOAD_MAX_BYTES + 1],
+            &model(),
+        );
         assert_eq!(large.unwrap_err().reason, Reason::TooLarge);
     }
 
@@ -296,9 +308,9 @@ mod tests {
         let padded = |text: &str| format!("{text}{}", " ".repeat(PAYLOAD_MAX_BYTES)).into_bytes();
         let stop = Order::Stop { setpoint: None };
         for (input, payload, expected) in [
-            (Input::Run, padded(" Stop"), &stop),
-            (Input::Run, padded("coast"), &Order::Coast),
-            (Input::Command, padded(r#"{"run":"stop","x":"#), &stop),
+            (DriveInput::Run, padded(" Stop"), &stop),
+            (DriveInput::Run, padded("coast"), &Order::Coast),
+            (DriveInput::Command, padded(r#"{"run":"stop","x":"#), &stop),
         ] {
             let Ok(InputRequest::Order(wish)) = read(input, &payload, &model()).1 else {
                 panic!("{input:?}")
@@ -307,10 +319,10 @@ mod tests {
             assert!(wish.remark.is_some_and(|remark| remark.contains("8192")));
         }
         for (input, payload) in [
-            (Input::Run, padded("forward")),
-            (Input::Run, padded("stop it")),
-            (Input::Command, padded(r#"{"run":"forward""#)),
-            (Input::Reset, padded("stop")),
+            (DriveInput::Run, padded("forward")),
+            (DriveInput::Run, padded("stop it")),
+            (DriveInput::Command, padded(r#"{"run":"forward""#)),
+            (DriveInput::Reset, padded("stop")),
         ] {
             assert_eq!(
                 read(input, &payload, &model()).1.unwrap_err().reason,
@@ -322,9 +334,9 @@ mod tests {
 
     #[test]
     fn messages_show_an_example_and_never_the_whole_of_a_long_payload() {
-        let (_, refused) = read(Input::Frequency, "4,5".as_bytes(), &model());
+        let (_, refused) = read(DriveInput::Frequency, "4,5".as_bytes(), &model());
         assert!(refused.unwrap_err().message.contains("such as 42.5"));
-        let (_, refused) = read(Input::Run, "ü".repeat(4000).as_bytes(), &model());
+        let (_, refused) = read(DriveInput::Run, "ü".repeat(4000).as_bytes(), &model());
         assert!(refused.unwrap_err().message.len() < 200);
     }
 }

@@ -1,12 +1,12 @@
 //! How each register of a drive is published: which change is news, how often it is repeated without one, and with how
 //! many digits.
 
-use super::kinds::Kind;
-use super::slot::Content;
+use super::kinds::TopicKind;
+use super::slot::TopicContent;
 use crate::drive::description::DriveDescription;
-use crate::drive::rated::Rated;
+use crate::drive::rated::RatedConversion;
 use crate::profile::model::Register;
-use crate::profile::scale::Scaled;
+use crate::profile::scale::ScaledValue;
 use std::time::Duration;
 
 /// Digits of a value that is derived from a rated one.
@@ -14,11 +14,11 @@ const RATED_DIGITS: u8 = 2;
 
 /// How the registers of a drive are published, in the order of its model.
 #[derive(Debug)]
-pub(in crate::north) struct Points(Vec<Point>);
+pub(in crate::north) struct PublishedPoints(Vec<PublishedPoint>);
 
 /// How one register is published.
 #[derive(Clone, Copy, Debug)]
-struct Point {
+struct PublishedPoint {
     /// Smallest change that is news; `None`: any.
     band: Option<f64>,
     heartbeat: Option<Duration>,
@@ -26,22 +26,22 @@ struct Point {
     digits: Option<u8>,
 }
 
-impl Points {
+impl PublishedPoints {
     pub(in crate::north) fn new(drive: &DriveDescription) -> Self {
         Self(
             drive
                 .model
                 .registers
                 .iter()
-                .map(|register| Point::new(drive, register))
+                .map(|register| PublishedPoint::new(drive, register))
                 .collect(),
         )
     }
 
     /// The heartbeat of a topic that has one of its own.
-    pub(super) fn heartbeat(&self, kind: Kind) -> Option<Duration> {
+    pub(super) fn heartbeat(&self, kind: TopicKind) -> Option<Duration> {
         match kind {
-            Kind::Polled(place) | Kind::Rated(place) => self.0.get(place)?.heartbeat,
+            TopicKind::Polled(place) | TopicKind::Rated(place) => self.0.get(place)?.heartbeat,
             _ => None,
         }
     }
@@ -49,25 +49,25 @@ impl Points {
     /// `content` as published on a topic; `None`: the topic is empty.
     pub(super) fn shown(
         &self,
-        kind: Kind,
-        content: &Content,
+        kind: TopicKind,
+        content: &TopicContent,
         drive: &DriveDescription,
     ) -> Option<String> {
         let all = match content {
-            Content::Cleared => return None,
-            Content::Text(text) => return Some(text.clone().into_owned()),
-            Content::Value(value) => *value,
+            TopicContent::Cleared => return None,
+            TopicContent::Text(text) => return Some(text.clone().into_owned()),
+            TopicContent::Value(value) => *value,
         };
         let place = kind.register()?;
         let register = drive.model.registers.get(place)?;
         Some(match (kind, self.digits(place)) {
-            (Kind::Rated(_), digits) => {
+            (TopicKind::Rated(_), digits) => {
                 let digits = digits.map_or(RATED_DIGITS, |digits| digits.min(RATED_DIGITS));
-                Rated::of(register, &drive.ratings)?
+                RatedConversion::of(register, &drive.ratings)?
                     .to_digits(all, digits)
                     .to_string()
             }
-            (Kind::Polled(_), Some(digits)) => all.to_digits(digits).to_string(),
+            (TopicKind::Polled(_), Some(digits)) => all.to_digits(digits).to_string(),
             _ => all.to_string(),
         })
     }
@@ -75,21 +75,21 @@ impl Points {
     /// Whether a change of the topic's register from `old` to `new` is news.
     pub(in crate::north) fn differ_on(
         &self,
-        kind: Kind,
+        kind: TopicKind,
         drive: &DriveDescription,
-        old: Scaled,
-        new: Scaled,
+        old: ScaledValue,
+        new: ScaledValue,
     ) -> bool {
-        let text = |value| self.shown(kind, &Content::Value(value), drive);
+        let text = |value| self.shown(kind, &TopicContent::Value(value), drive);
         match kind {
-            Kind::Polled(place) => self.differ(place, old, new),
-            Kind::Rated(place) => self.differ(place, old, new) && text(old) != text(new),
+            TopicKind::Polled(place) => self.differ(place, old, new),
+            TopicKind::Rated(place) => self.differ(place, old, new) && text(old) != text(new),
             _ => old != new,
         }
     }
 
     /// Whether a change of the model's register at `place` from `old` to `new` is news.
-    pub(super) fn differ(&self, place: usize, old: Scaled, new: Scaled) -> bool {
+    pub(super) fn differ(&self, place: usize, old: ScaledValue, new: ScaledValue) -> bool {
         let Some(point) = self.0.get(place) else {
             return false;
         };
@@ -97,7 +97,7 @@ impl Points {
     }
 
     /// The number that is shown for `scaled`, the value of the register at `place`.
-    pub(in crate::north) fn value(&self, place: usize, scaled: Scaled) -> f64 {
+    pub(in crate::north) fn value(&self, place: usize, scaled: ScaledValue) -> f64 {
         self.digits(place)
             .map_or_else(|| scaled.value(), |digits| scaled.to_digits(digits).value())
     }
@@ -107,24 +107,24 @@ impl Points {
     }
 }
 
-impl Point {
+impl PublishedPoint {
     fn new(drive: &DriveDescription, register: &Register) -> Self {
-        let band = named(&drive.points.dead_bands, register);
+        let band = value_of_register(&drive.points.dead_bands, register);
         let digits = drive
             .points
             .decimals_of(register)
             .filter(|digits| *digits < register.digits());
         Self {
             band,
-            heartbeat: named(&drive.points.heartbeats, register),
+            heartbeat: value_of_register(&drive.points.heartbeats, register),
             digits,
         }
     }
 
-    fn is_beyond_band(&self, old: Scaled, new: Scaled) -> bool {
+    fn is_beyond_band(&self, old: ScaledValue, new: ScaledValue) -> bool {
         // A band in decimal is seldom exactly a whole number of steps.
         const ROUNDING: f64 = 1e-6;
-        let steps = |value: Scaled| value.fraction().0 as f64;
+        let steps = |value: ScaledValue| value.fraction().0 as f64;
         let in_steps = |band: f64| band * new.fraction().1 as f64;
         let is_beyond = |band| (steps(old) - steps(new)).abs() + ROUNDING >= in_steps(band);
         let is_comparable = old.fraction().1 == new.fraction().1;
@@ -134,14 +134,14 @@ impl Point {
                 .is_none_or(|band| !is_comparable || is_beyond(band))
     }
 
-    fn looks_different(&self, old: Scaled, new: Scaled) -> bool {
-        let shown = |value: Scaled, digits: u8| value.to_digits(digits);
+    fn looks_different(&self, old: ScaledValue, new: ScaledValue) -> bool {
+        let shown = |value: ScaledValue, digits: u8| value.to_digits(digits);
         self.digits
             .is_none_or(|digits| shown(old, digits) != shown(new, digits))
     }
 }
 
-fn named<T: Copy>(list: &[(String, T)], register: &Register) -> Option<T> {
+fn value_of_register<T: Copy>(list: &[(String, T)], register: &Register) -> Option<T> {
     list.iter()
         .find(|(name, _)| *name == register.name)
         .map(|(_, it)| *it)

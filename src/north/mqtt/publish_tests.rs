@@ -1,35 +1,35 @@
 //! Which trees are published, and how each point is: heartbeat, decimals, dead band.
 
-use super::harness::{Rig, Staged, drives, name, on, publications, settings, told};
-use super::session::Session;
-use super::types::{Act, Settings, Tree};
+use super::harness::{Rig, Staged, drives, name, on, publications, published_texts, settings};
+use super::session::MqttSession;
+use super::types::{MqttAct, Settings, TopicTree};
 use crate::domain::units::UnitOfMeasure;
-use crate::drive::description::{DriveDescription, Points, Ratings};
-use crate::north::broker::{Event, Version};
-use crate::profile::model::Role;
+use crate::drive::description::{DriveDescription, DriveRatings, PointSettings};
+use crate::north::broker::{BrokerEvent, MqttVersion};
+use crate::profile::model::RegisterRole;
 use serde_json::Value;
 use std::sync::Arc;
 use std::time::Duration;
 
-fn publishing(trees: &[Tree]) -> Rig {
+fn publishing(trees: &[TopicTree]) -> Rig {
     let mut rig = Rig::with(Settings {
         publish: trees.to_vec(),
-        ..settings(Version::V5)
+        ..settings(MqttVersion::V5)
     });
     rig.poll(0, 3_000);
     rig
 }
 
 /// A session whose `pump` is published like this.
-fn with_points(version: Version, points: Points) -> Rig {
+fn with_points(version: MqttVersion, points: PointSettings) -> Rig {
     with_drive(version, |drive| drive.points = points)
 }
 
-fn with_drive(version: Version, change: impl FnOnce(&mut DriveDescription)) -> Rig {
+fn with_drive(version: MqttVersion, change: impl FnOnce(&mut DriveDescription)) -> Rig {
     let mut rig = Rig::new(version);
     let mut drives = drives();
     change(&mut drives[0]);
-    rig.session = Session::new(settings(version), drives, vec![name("hall")], rig.at(), 7);
+    rig.session = MqttSession::new(settings(version), drives, vec![name("hall")], rig.at(), 7);
     rig.poll(0, 3_000);
     rig.connect();
     rig
@@ -40,15 +40,15 @@ fn of_output<T>(it: T) -> Vec<(String, T)> {
 }
 
 /// Everything that is done up to the next poll this many milliseconds later, which finds no change.
-fn polled_after(rig: &mut Rig, millis: u64) -> Vec<Act> {
+fn polled_after(rig: &mut Rig, millis: u64) -> Vec<MqttAct> {
     let acts = rig.pass(millis);
     rig.poll(0, 3_000);
     [acts, rig.acts()].concat()
 }
 
 /// Topics that are not empty in the end.
-fn filled(acts: &[Act]) -> Vec<String> {
-    told(acts)
+fn filled(acts: &[MqttAct]) -> Vec<String> {
+    published_texts(acts)
         .into_iter()
         .filter(|(_, payload)| !payload.is_empty())
         .map(|(topic, _)| topic)
@@ -64,31 +64,31 @@ fn only_what_is_listed_is_published_and_the_rest_is_cleared_once() {
     ];
     for trees in [
         &[][..],
-        &[Tree::State],
-        &[Tree::Values],
-        &[Tree::Line],
-        &[Tree::Info],
-        &Tree::ALL,
+        &[TopicTree::State],
+        &[TopicTree::Values],
+        &[TopicTree::Line],
+        &[TopicTree::Info],
+        &TopicTree::ALL,
     ] {
         let mut rig = publishing(trees);
         let acts = rig.connect();
         let filled = filled(&acts);
         let is_there = |topic: &str| filled.iter().any(|it| it == topic);
         let table = [
-            (Tree::State, "drive/pump/state"),
-            (Tree::Values, "drive/pump/frequency/output"),
-            (Tree::Values, "drive/pump/run/state"),
-            (Tree::Values, "drive/pump/trip/count"),
-            (Tree::Values, "drive/pump/measure/run_source"),
-            (Tree::Line, "line/hall/status"),
-            (Tree::Line, "line/hall/stats"),
-            (Tree::Info, "info"),
-            (Tree::Info, "drive/fan/info"),
+            (TopicTree::State, "drive/pump/state"),
+            (TopicTree::Values, "drive/pump/frequency/output"),
+            (TopicTree::Values, "drive/pump/run/state"),
+            (TopicTree::Values, "drive/pump/trip/count"),
+            (TopicTree::Values, "drive/pump/measure/run_source"),
+            (TopicTree::Line, "line/hall/status"),
+            (TopicTree::Line, "line/hall/stats"),
+            (TopicTree::Info, "info"),
+            (TopicTree::Info, "drive/fan/info"),
         ];
         for (tree, topic) in table {
             let is_wanted = trees.contains(&tree);
             assert_eq!(is_there(topic), is_wanted, "{topic} with {trees:?}");
-            let clearings = told(&acts)
+            let clearings = published_texts(&acts)
                 .iter()
                 .filter(|(it, payload)| it == topic && payload.is_empty())
                 .count();
@@ -101,17 +101,19 @@ fn only_what_is_listed_is_published_and_the_rest_is_cleared_once() {
         rig.poll(0, 4_000);
         let later = [later, rig.acts()].concat();
         assert!(
-            told(&later).iter().all(|(_, payload)| !payload.is_empty()),
+            published_texts(&later)
+                .iter()
+                .all(|(_, payload)| !payload.is_empty()),
             "{:?}",
-            told(&later)
+            published_texts(&later)
         );
-        rig.handle(Event::Lost);
-        let again = told(&rig.connect())
+        rig.handle(BrokerEvent::Lost);
+        let again = published_texts(&rig.connect())
             .iter()
             .filter(|(_, payload)| payload.is_empty())
             .count();
         assert!(
-            again > 0 || trees.len() == Tree::ALL.len(),
+            again > 0 || trees.len() == TopicTree::ALL.len(),
             "a broker may bring an old state back"
         );
     }
@@ -145,22 +147,22 @@ fn commands_and_reads_are_answered_whatever_is_published() {
 #[test]
 fn what_changed_in_an_outage_is_reported_though_its_topic_is_left_out() {
     let mut rig = Rig::with(Settings {
-        publish: vec![Tree::State],
+        publish: vec![TopicTree::State],
         keep_telemetry: 10,
-        ..settings(Version::V5)
+        ..settings(MqttVersion::V5)
     });
     rig.poll(0, 3_000);
     rig.connect();
     rig.pass(1_000);
     rig.poll(0, 3_500);
     rig.acts();
-    rig.handle(Event::Lost);
+    rig.handle(BrokerEvent::Lost);
     rig.acts();
     rig.pass(1_000);
     rig.poll(0, 4_000);
     rig.acts();
     let acts = rig.connect();
-    let history: Vec<_> = told(&acts)
+    let history: Vec<_> = published_texts(&acts)
         .into_iter()
         .filter(|(topic, _)| topic == "drive/pump/history")
         .collect();
@@ -177,7 +179,7 @@ fn what_changed_in_an_outage_is_reported_though_its_topic_is_left_out() {
 
 #[test]
 fn drives_that_come_later_have_their_left_out_topics_cleared_too() {
-    let mut rig = publishing(&[Tree::State]);
+    let mut rig = publishing(&[TopicTree::State]);
     rig.connect();
     let mut renamed = drives();
     renamed[0].name = name("mixer");
@@ -195,16 +197,16 @@ fn drives_that_come_later_have_their_left_out_topics_cleared_too() {
 
 #[test]
 fn a_point_with_a_heartbeat_of_its_own_comes_by_that_and_expires_by_it() {
-    let points = Points {
+    let points = PointSettings {
         heartbeats: of_output(Duration::from_secs(5)),
-        ..Points::default()
+        ..PointSettings::default()
     };
-    for version in [Version::V4, Version::V5] {
+    for version in [MqttVersion::V4, MqttVersion::V5] {
         let mut rig = with_points(version, points.clone());
         let mut times = 0;
         for _ in 0..118 {
             let acts = polled_after(&mut rig, 500);
-            times += told(&acts)
+            times += published_texts(&acts)
                 .iter()
                 .filter(|(topic, _)| topic == "drive/pump/frequency/output")
                 .count();
@@ -214,7 +216,7 @@ fn a_point_with_a_heartbeat_of_its_own_comes_by_that_and_expires_by_it() {
                     .find(|it| it.topic.ends_with(topic))
                     .map(|it| it.expiry)
             };
-            let expected = (version == Version::V5).then(|| Duration::from_secs(15));
+            let expected = (version == MqttVersion::V5).then(|| Duration::from_secs(15));
             assert!(expiry("pump/frequency/output").is_none_or(|it| it == expected));
             assert_eq!(
                 expiry("pump/frequency/setpoint"),
@@ -228,11 +230,11 @@ fn a_point_with_a_heartbeat_of_its_own_comes_by_that_and_expires_by_it() {
 
 #[test]
 fn a_longer_heartbeat_of_its_own_is_kept_too() {
-    let points = Points {
+    let points = PointSettings {
         heartbeats: of_output(Duration::from_secs(120)),
-        ..Points::default()
+        ..PointSettings::default()
     };
-    let mut rig = with_points(Version::V5, points);
+    let mut rig = with_points(MqttVersion::V5, points);
     let mut seen = Vec::new();
     for second in 0..130 {
         let acts = polled_after(&mut rig, 1_000);
@@ -248,11 +250,11 @@ fn a_longer_heartbeat_of_its_own_is_kept_too() {
 
 #[test]
 fn decimals_round_everywhere_and_what_looks_the_same_is_no_news() {
-    let points = Points {
+    let points = PointSettings {
         decimals: of_output(1),
-        ..Points::default()
+        ..PointSettings::default()
     };
-    let mut rig = with_points(Version::V5, points);
+    let mut rig = with_points(MqttVersion::V5, points);
     let table = [
         (3_004, None),
         (3_005, Some(("30.1", 30.1))),
@@ -281,26 +283,26 @@ fn decimals_round_everywhere_and_what_looks_the_same_is_no_news() {
 
 #[test]
 fn a_dead_band_holds_for_the_value_in_amperes_too() {
-    let mut rig = with_drive(Version::V5, |drive| {
+    let mut rig = with_drive(MqttVersion::V5, |drive| {
         let mut model = drive.model.as_ref().clone();
         let register = model
             .registers
             .iter_mut()
             .find(|it| it.address == 0x0201)
             .unwrap();
-        register.role = Some(Role::OutputCurrent);
+        register.role = Some(RegisterRole::OutputCurrent);
         register.unit = UnitOfMeasure::Percent;
         register.scale = 100;
         let called = register.name.clone();
         drive.model = Arc::new(model);
-        drive.ratings = Ratings {
+        drive.ratings = DriveRatings {
             current_ma: Some(10_000),
             voltage_mv: None,
         };
-        drive.points = Points {
+        drive.points = PointSettings {
             dead_bands: vec![(called.clone(), 1.0)],
             decimals: vec![(called, 1)],
-            ..Points::default()
+            ..PointSettings::default()
         };
     });
     // 40.00 % of 10 A, and then by how much it changes.

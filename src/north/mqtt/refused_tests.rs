@@ -1,13 +1,13 @@
 //! A broker that does not accept events: what is sent again, what is given up, and that nothing is blocked for ever.
 
 use super::harness::{Rig, Staged, drives, publications, settings};
-use super::types::{Act, Settings};
+use super::types::{MqttAct, Settings};
 use crate::journal::StoredEvent;
-use crate::north::broker::{Event, Refusal, Version};
+use crate::north::broker::{BrokerEvent, MqttVersion, PublicationRefusal};
 
 /// A session with `count` stored events on their way to the broker.
-fn rig(count: u64) -> (Rig, Vec<Act>) {
-    let mut rig = Rig::born(Version::V5);
+fn rig(count: u64) -> (Rig, Vec<MqttAct>) {
+    let mut rig = Rig::born(MqttVersion::V5);
     let drive = drives().swap_remove(0).name;
     let event = |seq: u64| StoredEvent {
         seq,
@@ -21,7 +21,7 @@ fn rig(count: u64) -> (Rig, Vec<Act>) {
 }
 
 /// Numbers and tokens of the events that are published.
-fn events(acts: &[Act]) -> Vec<(u64, u64)> {
+fn events(acts: &[MqttAct]) -> Vec<(u64, u64)> {
     let all = publications(acts)
         .into_iter()
         .filter(|it| it.topic.ends_with("/trip/event"));
@@ -34,14 +34,14 @@ fn events(acts: &[Act]) -> Vec<(u64, u64)> {
     .collect()
 }
 
-fn numbers(acts: &[Act]) -> Vec<u64> {
+fn numbers(acts: &[MqttAct]) -> Vec<u64> {
     events(acts).into_iter().map(|(number, _)| number).collect()
 }
 
-fn taken(acts: &[Act]) -> Vec<u64> {
+fn taken(acts: &[MqttAct]) -> Vec<u64> {
     acts.iter()
         .filter_map(|act| {
-            if let Act::EventTaken(seq) = act {
+            if let MqttAct::EventTaken(seq) = act {
                 Some(*seq)
             } else {
                 None
@@ -56,7 +56,7 @@ fn events_that_are_never_taken_do_not_stand_in_the_way() {
     let first = events(&acts);
     assert_eq!(first.len(), 16);
     for (_, token) in first {
-        rig.handle(Event::Refused(token, Refusal::Never));
+        rig.handle(BrokerEvent::Refused(token, PublicationRefusal::Never));
     }
     let acts = rig.acts();
     assert_eq!(
@@ -73,16 +73,16 @@ fn events_that_are_never_taken_do_not_stand_in_the_way() {
 fn a_full_broker_is_asked_again_and_nothing_is_lost() {
     let (mut rig, acts) = rig(40);
     for (_, token) in events(&acts) {
-        rig.handle(Event::Refused(token, Refusal::Full));
+        rig.handle(BrokerEvent::Refused(token, PublicationRefusal::Full));
     }
     assert_eq!(rig.acts(), [], "at once it would refuse them again");
     let acts = rig.pass(1_000);
     let again = events(&acts);
     assert_eq!(again.len(), 1, "one, to try");
-    rig.handle(Event::Refused(again[0].1, Refusal::Full));
+    rig.handle(BrokerEvent::Refused(again[0].1, PublicationRefusal::Full));
     assert_eq!(numbers(&rig.pass(1_900)), [0_u64; 0], "longer each time");
     let acts = rig.pass(100);
-    rig.handle(Event::Acknowledged(events(&acts)[0].1));
+    rig.handle(BrokerEvent::Acknowledged(events(&acts)[0].1));
     let mut all = vec![1];
     let mut acts = rig.acts();
     loop {
@@ -92,7 +92,7 @@ fn a_full_broker_is_asked_again_and_nothing_is_lost() {
         }
         all.extend(more.iter().map(|(number, _)| *number));
         more.iter()
-            .for_each(|(_, token)| rig.handle(Event::Acknowledged(*token)));
+            .for_each(|(_, token)| rig.handle(BrokerEvent::Acknowledged(*token)));
         acts = rig.acts();
     }
     assert_eq!(all, (1..=40).collect::<Vec<_>>(), "in order");
@@ -109,15 +109,15 @@ fn a_full_broker_is_asked_again_and_nothing_is_lost() {
 fn an_event_that_a_broker_fails_to_take_is_given_up_after_some_minutes() {
     let (mut rig, acts) = rig(2);
     let both = events(&acts);
-    rig.handle(Event::Refused(both[0].1, Refusal::Failed));
-    rig.handle(Event::Acknowledged(both[1].1));
+    rig.handle(BrokerEvent::Refused(both[0].1, PublicationRefusal::Failed));
+    rig.handle(BrokerEvent::Acknowledged(both[1].1));
     let mut tries = 1;
     for _ in 0..300 {
         let acts = rig.pass(1_000);
         tries += events(&acts).len();
         for (number, token) in events(&acts) {
             assert_eq!(number, 1);
-            rig.handle(Event::Refused(token, Refusal::Failed));
+            rig.handle(BrokerEvent::Refused(token, PublicationRefusal::Failed));
         }
     }
     assert_eq!((tries, rig.session.counters().events_refused), (10, 1));
@@ -128,11 +128,14 @@ fn an_event_that_a_broker_fails_to_take_is_given_up_after_some_minutes() {
 fn a_new_connection_is_offered_everything_at_once() {
     let (mut rig, acts) = rig(3);
     for (_, token) in events(&acts) {
-        rig.handle(Event::Refused(token, Refusal::Full));
+        rig.handle(BrokerEvent::Refused(token, PublicationRefusal::Full));
     }
-    rig.handle(Event::Lost);
+    rig.handle(BrokerEvent::Lost);
     assert_eq!(numbers(&rig.connect()), [1, 2, 3]);
-    rig.handle(Event::Refused(7 | (1 << 62), Refusal::Never));
+    rig.handle(BrokerEvent::Refused(
+        7 | (1 << 62),
+        PublicationRefusal::Never,
+    ));
     assert_eq!(
         rig.session.counters().events_refused,
         0,
@@ -144,11 +147,11 @@ fn a_new_connection_is_offered_everything_at_once() {
 fn history_that_is_not_taken_is_counted_as_dropped() {
     let mut rig = Rig::with(Settings {
         keep_telemetry: 10,
-        ..settings(Version::V5)
+        ..settings(MqttVersion::V5)
     });
     rig.poll(0, 3_000);
     rig.connect();
-    rig.handle(Event::Lost);
+    rig.handle(BrokerEvent::Lost);
     rig.pass(1_000);
     rig.poll(0, 3_500);
     rig.acts();
@@ -157,7 +160,10 @@ fn history_that_is_not_taken_is_counted_as_dropped() {
         .into_iter()
         .find(|it| it.topic.ends_with("/history"))
         .unwrap();
-    rig.handle(Event::Refused(told.token.unwrap(), Refusal::Never));
+    rig.handle(BrokerEvent::Refused(
+        told.token.unwrap(),
+        PublicationRefusal::Never,
+    ));
     assert_eq!(
         (
             rig.session.counters().history_dropped,

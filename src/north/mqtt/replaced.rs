@@ -1,13 +1,13 @@
 //! The configuration changed while the connection stays: other drives, other lines.
 
 use super::command_ids::CommandIds;
-use super::home_assistant::Plant;
-use super::session::Session;
+use super::home_assistant::DiscoveryPlant;
+use super::session::MqttSession;
 use crate::domain::ids::{Name, Ticket};
 use crate::drive::description::DriveDescription;
-use crate::north::clock::Moment;
+use crate::north::clock::ClockMoment;
 
-impl Session {
+impl MqttSession {
     /// Ticket numbers continue from this one.
     pub const fn count_tickets_from(&mut self, first: Ticket) {
         self.commands.count_tickets_from(first);
@@ -15,7 +15,7 @@ impl Session {
 
     /// Replaces drives and lines. A drive continues if its place and name are the same; requests to the others no
     /// longer have an answer. Topics of what was removed are cleared.
-    pub fn replace(&mut self, at: Moment, drives: Vec<DriveDescription>, lines: Vec<Name>) {
+    pub fn replace(&mut self, at: ClockMoment, drives: Vec<DriveDescription>, lines: Vec<Name>) {
         self.clock.see(at);
         let goes_on = |old: &DriveDescription| {
             drives
@@ -47,8 +47,8 @@ impl Session {
             &lines,
             &started,
         );
-        let old = Plant::of(&self.settings, &self.topics, &self.lines, &self.drives);
-        let new = Plant::of(&self.settings, &self.topics, &lines, &drives);
+        let old = DiscoveryPlant::of(&self.settings, &self.topics, &self.lines, &self.drives);
+        let new = DiscoveryPlant::of(&self.settings, &self.topics, &lines, &drives);
         if let (Some(old), Some(new)) = (old, new) {
             self.discovery.replace(&old, &new);
         }

@@ -1,15 +1,17 @@
 //! The session across a change of the configuration, on a connection that stays.
 
-use super::harness::{Rig, Staged, commands, drives, name, on, publications, reads, result, told};
-use super::types::Act;
+use super::harness::{
+    Rig, Staged, commands, drives, name, on, publications, published_texts, reads, result,
+};
+use super::types::MqttAct;
 use crate::domain::command::{Outcome, Reason};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::DriveView;
-use crate::north::broker::Version;
+use crate::north::broker::MqttVersion;
 use serde_json::Value;
 
 /// Replaces drives and lines. A drive that existed before keeps its view.
-fn replace(rig: &mut Rig, drives: Vec<DriveDescription>, lines: &[&str]) -> Vec<Act> {
+fn replace(rig: &mut Rig, drives: Vec<DriveDescription>, lines: &[&str]) -> Vec<MqttAct> {
     let old: Vec<_> = rig
         .session
         .drives
@@ -28,7 +30,7 @@ fn replace(rig: &mut Rig, drives: Vec<DriveDescription>, lines: &[&str]) -> Vec<
     let line = rig.lines[0].clone();
     rig.lines = lines
         .iter()
-        .map(|it| crate::north::broker::LineState {
+        .map(|it| crate::north::broker::SessionLine {
             name: name(it),
             ..line.clone()
         })
@@ -50,11 +52,11 @@ fn on_another_line(mut drive: DriveDescription, called: &str) -> DriveDescriptio
 
 #[test]
 fn topics_of_what_is_gone_are_cleared_and_what_stays_is_not_said_again() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let [pump, fan] = <[_; 2]>::try_from(drives()).unwrap();
     let added = on_another_line(fan, "mill");
     let acts = replace(&mut rig, vec![added, pump.clone()], &["yard"]);
-    let told = told(&acts);
+    let told = published_texts(&acts);
     let (cleared, said): (Vec<_>, Vec<_>) =
         told.iter().partition(|(_, payload)| payload.is_empty());
     for topic in [
@@ -101,7 +103,7 @@ fn topics_of_what_is_gone_are_cleared_and_what_stays_is_not_said_again() {
         on(&acts, "drive/fan/availability").as_deref(),
         Some("offline")
     );
-    rig.handle(crate::north::broker::Event::Lost);
+    rig.handle(crate::north::broker::BrokerEvent::Lost);
     let again = rig.connect();
     assert_eq!(
         on(&again, "drive/fan/availability").as_deref(),
@@ -120,7 +122,7 @@ fn topics_of_what_is_gone_are_cleared_and_what_stays_is_not_said_again() {
 
 #[test]
 fn answers_find_their_drive_in_its_new_place() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let acts = rig.send("drive/pump/command", br#"{"id": "one", "run": "stop"}"#);
     let ticket = commands(&acts)[0].ticket;
     let [pump, fan] = <[_; 2]>::try_from(drives()).unwrap();
@@ -138,7 +140,7 @@ fn answers_find_their_drive_in_its_new_place() {
 
 #[test]
 fn what_was_asked_of_a_drive_that_is_gone_is_answered_at_once() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let stop = rig.send("drive/pump/command", br#"{"id": "one", "run": "stop"}"#);
     let read = rig.send("drive/fan/param/F007/get", b"");
     assert_eq!((commands(&stop).len(), reads(&read).len()), (1, 1));

@@ -3,8 +3,8 @@
 use super::params::label;
 use crate::domain::command::{Order, Outcome, Owner, Reason, RegisterWrite, Report};
 use crate::north::broker::{Publication, Qos};
-use crate::profile::model::{Model, Register, Role};
-use crate::profile::scale::Scaled;
+use crate::profile::model::{Model, Register, RegisterRole};
+use crate::profile::scale::ScaledValue;
 use serde_json::{Map, Value, json};
 use std::collections::VecDeque;
 
@@ -13,7 +13,7 @@ const WAITING_MAX: usize = 64;
 
 /// The requester's own response topic, with the correlation data.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Reply {
+pub(super) struct ReplyTopic {
     pub(super) topic: String,
     pub(super) correlation: Option<Vec<u8>>,
 }
@@ -42,8 +42,8 @@ impl ResultContent<'_> {
         let mut result = json!({
             "id": self.id,
             "drive": self.drive,
-            "outcome": self.report.outcome.word(),
-            "reason": self.report.reason.word(),
+            "outcome": self.report.outcome.keyword(),
+            "reason": self.report.reason.keyword(),
             "final": self.is_final,
             "at": self.at,
         });
@@ -79,16 +79,16 @@ impl ResultContent<'_> {
 
 /// The results that wait to be published. The oldest give way.
 #[derive(Debug, Default)]
-pub(super) struct Results {
+pub(super) struct WaitingResults {
     waiting: VecDeque<Publication>,
 }
 
-impl Results {
+impl WaitingResults {
     /// Adds a result for `topic`, and for the requester's own topic. Returns how many older ones were dropped.
     pub(super) fn tell(
         &mut self,
         topic: String,
-        reply: Option<&Reply>,
+        reply: Option<&ReplyTopic>,
         told: ResultContent<'_>,
     ) -> u64 {
         let payload = told.payload();
@@ -146,7 +146,7 @@ pub(super) fn values(model: &Model, order: &Order, report: &Report) -> Map<Strin
     }
     let kept = match (report.held, go.frequency(), go.run(), &registers[..]) {
         (Some(held), None, None, [(Some(register), write)]) if write.second.is_none() => {
-            Some(named(register, held))
+            Some(labelled_value(register, held))
         }
         (Some(held), Some(_), None, []) => kept_frequency(model, held),
         _ => None,
@@ -157,18 +157,18 @@ pub(super) fn values(model: &Model, order: &Order, report: &Report) -> Map<Strin
 fn kept_frequency(model: &Model, held: u16) -> Option<(String, Value)> {
     // A fraction means nothing without its full scale.
     let register = model
-        .register_for(Role::FrequencyCommand)
+        .register_for(RegisterRole::FrequencyCommand)
         .filter(|register| register.is_exact())?;
     Some((
         "frequency_hz".to_owned(),
-        json!(Scaled::from_word(held, register).value()),
+        json!(ScaledValue::from_word(held, register).value()),
     ))
 }
 
 /// The value that was written to a register, under its label.
 fn named_as_written(register: &Register, write: RegisterWrite) -> Option<(String, Value)> {
     if write.second.is_none() {
-        return Some(named(register, write.value));
+        return Some(labelled_value(register, write.value));
     }
     let value = register.value(|address| {
         write
@@ -180,10 +180,10 @@ fn named_as_written(register: &Register, write: RegisterWrite) -> Option<(String
 }
 
 /// A register's value under its label.
-pub(super) fn named(register: &Register, word: u16) -> (String, Value) {
+pub(super) fn labelled_value(register: &Register, word: u16) -> (String, Value) {
     (
         label(register).to_owned(),
-        json!(Scaled::from_word(word, register).value()),
+        json!(ScaledValue::from_word(word, register).value()),
     )
 }
 
@@ -241,7 +241,7 @@ mod tests {
 
     #[test]
     fn the_oldest_results_give_way() {
-        let mut results = Results::default();
+        let mut results = WaitingResults::default();
         let ids: Vec<_> = (0..70).map(|number| json!(number)).collect();
         let dropped: u64 = ids
             .iter()

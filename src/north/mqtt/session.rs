@@ -1,28 +1,28 @@
 //! The MQTT session: its life from connection to farewell, and its next act.
 
 use super::command_ids::CommandIds;
-use super::counters::Counters;
-use super::dispatch::Context;
+use super::counters::MqttCounters;
+use super::dispatch::AnswerContext;
 use super::event_queue::EventQueue;
-use super::half::Half;
-use super::history::History;
-use super::home_assistant::{Discovery, Plant};
-use super::results::Results;
-use super::stored::Stored;
-use super::telemetry::Telemetry;
-use super::told::{Mark, Told};
-use super::topics::Topics;
-use super::types::{Act, Settings};
+use super::half::PairMember;
+use super::history::ChangeHistory;
+use super::home_assistant::{DiscoveryPlant, DiscoveryWalk};
+use super::results::WaitingResults;
+use super::stored::StoredEvents;
+use super::telemetry::TelemetryTopics;
+use super::told::{EventMark, PeerEvents};
+use super::topics::MqttTopics;
+use super::types::{MqttAct, Settings};
 use crate::domain::ids::{AskerId, Name};
 use crate::domain::time::MonoTime;
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::{DriveView, TripEvent};
 use crate::journal::trip;
 use crate::north::broker::{
-    Broker, Commands, Event, Filter, Issued, LineState, OversizedTopics, Path, Publication, Qos,
-    Refusal,
+    BrokerCommands, BrokerEvent, BrokerLimits, BrokerPath, ClientClocks, OversizedTopics,
+    Publication, PublicationRefusal, Qos, SessionLine, SubscriptionFilter,
 };
-use crate::north::clock::{Clock, Moment};
+use crate::north::clock::{ClockMoment, LabelClock};
 use std::sync::Arc;
 
 /// The source of a publication, marked in its token. Numbers stay far below.
@@ -43,40 +43,40 @@ const HISTORY: u64 = 1 << 63;
 /// Nothing is published before the broker has granted every subscription and a probe has returned, except the probe and
 /// results of commands.
 #[derive(Debug)]
-pub struct Session {
+pub struct MqttSession {
     pub(super) settings: Settings,
-    pub(super) topics: Topics,
+    pub(super) topics: MqttTopics,
     pub(super) drives: Vec<DriveDescription>,
     pub(super) lines: Vec<Name>,
     /// Distinguishes this process from others of the same gateway: its start, in milliseconds since 1970, and of several
     /// gateways which one it is.
     pub(super) run: String,
-    pub(super) clock: Clock,
-    pub(super) issued: Issued,
+    pub(super) clock: LabelClock,
+    pub(super) issued: ClientClocks,
     pub(super) started: MonoTime,
-    pub(super) path: Path,
-    pub(super) broker: Broker,
+    pub(super) path: BrokerPath,
+    pub(super) broker: BrokerLimits,
     /// What is larger than it takes.
     pub(super) oversized: OversizedTopics,
-    pub(super) commands: Commands<Context>,
+    pub(super) commands: BrokerCommands<AnswerContext>,
     /// Used ids per drive.
     pub(super) seen: Vec<CommandIds>,
-    pub(super) results: Results,
+    pub(super) results: WaitingResults,
     pub(super) events: EventQueue,
-    pub(super) stored: Stored,
+    pub(super) stored: StoredEvents,
     /// What other gateways of the name have published.
-    pub(super) told: Told,
+    pub(super) told: PeerEvents,
     /// Which of them this one is.
-    pub(super) half: Half,
-    history: History,
-    pub(super) telemetry: Telemetry,
-    pub(super) discovery: Discovery,
-    pub(super) counters: Counters,
+    pub(super) half: PairMember,
+    history: ChangeHistory,
+    pub(super) telemetry: TelemetryTopics,
+    pub(super) discovery: DiscoveryWalk,
+    pub(super) counters: MqttCounters,
     /// The alive topic says that the clients are offline.
     pub(super) are_commanders_gone: bool,
 }
 
-impl Session {
+impl MqttSession {
     /// The session of a gateway with these drives and lines, started now. `probe_key` is random, and used by this
     /// session only: without it no peer can forge a probe.
     #[must_use]
@@ -84,40 +84,40 @@ impl Session {
         settings: Settings,
         drives: Vec<DriveDescription>,
         lines: Vec<Name>,
-        started: Moment,
+        started: ClockMoment,
         probe_key: u128,
     ) -> Self {
-        let topics = Topics::new(&settings);
-        let clock = Clock::new(started);
+        let topics = MqttTopics::new(&settings);
+        let clock = LabelClock::new(started);
         let half = settings
             .standby
             .as_ref()
             .map(|pair| format!("-{}", pair.half))
             .unwrap_or_default();
         let run = format!("{}{half}", started.wall.unix_ms);
-        let mut half = Half::new(settings.standby.clone(), &topics);
+        let mut half = PairMember::new(settings.standby.clone(), &topics);
         half.replace(&lines, drives.iter().map(|drive| drive.line.clone()));
         let mut session = Self {
-            telemetry: Telemetry::new(
+            telemetry: TelemetryTopics::new(
                 &settings,
                 &topics,
                 &drives,
                 &lines,
                 &clock.text(started.mono),
             ),
-            path: Path::new(probe_key, settings.probe_interval, settings.probe_timeout),
+            path: BrokerPath::new(probe_key, settings.probe_interval, settings.probe_timeout),
             seen: drives.iter().map(|_| CommandIds::default()).collect(),
-            broker: Broker::default(),
+            broker: BrokerLimits::default(),
             oversized: OversizedTopics::default(),
-            commands: Commands::new(AskerId::MQTT),
-            results: Results::default(),
+            commands: BrokerCommands::new(AskerId::MQTT),
+            results: WaitingResults::default(),
             events: EventQueue::default(),
-            stored: Stored::default(),
-            told: Told::default(),
+            stored: StoredEvents::default(),
+            told: PeerEvents::default(),
             half,
-            history: History::new(settings.keep_telemetry),
-            discovery: Discovery::default(),
-            counters: Counters::default(),
+            history: ChangeHistory::new(settings.keep_telemetry),
+            discovery: DiscoveryWalk::default(),
+            counters: MqttCounters::default(),
             are_commanders_gone: false,
             settings,
             topics,
@@ -125,7 +125,7 @@ impl Session {
             lines,
             run,
             clock,
-            issued: Issued::default(),
+            issued: ClientClocks::default(),
             started: started.mono,
         };
         session.speak(started.mono);
@@ -139,34 +139,34 @@ impl Session {
     }
 
     /// Takes what happened on the connection.
-    pub fn handle(&mut self, at: Moment, event: Event<'_>) {
+    pub fn handle(&mut self, at: ClockMoment, event: BrokerEvent<'_>) {
         self.clock.see(at);
-        if !matches!(event, Event::Stalled(_)) {
+        if !matches!(event, BrokerEvent::Stalled(_)) {
             self.path.look(at.mono);
         }
         match event {
-            Event::Connected(broker) => self.connected(at.mono, broker),
-            Event::Subscribed(granted) => self.subscribed(at, &granted),
-            Event::Message(message) => self.message(at, &message),
-            Event::Acknowledged(token) => self.acknowledged(token),
-            Event::Refused(token, refusal) => self.refused(at.mono, token, refusal),
-            Event::Stalled(stood) => self.path.stalled(at.mono, stood),
-            Event::Lost => self.lost(at.mono),
+            BrokerEvent::Connected(broker) => self.connected(at.mono, broker),
+            BrokerEvent::Subscribed(granted) => self.subscribed(at, &granted),
+            BrokerEvent::Message(message) => self.message(at, &message),
+            BrokerEvent::Acknowledged(token) => self.acknowledged(token),
+            BrokerEvent::Refused(token, refusal) => self.refused(at.mono, token, refusal),
+            BrokerEvent::Stalled(stood) => self.path.stalled(at.mono, stood),
+            BrokerEvent::Lost => self.lost(at.mono),
         }
     }
 
-    fn connected(&mut self, at: MonoTime, broker: Broker) {
+    fn connected(&mut self, at: MonoTime, broker: BrokerLimits) {
         self.lost(at);
         self.broker = broker;
         self.oversized.forget();
         self.path.connected();
     }
 
-    fn subscribed(&mut self, at: Moment, granted: &[bool]) {
+    fn subscribed(&mut self, at: ClockMoment, granted: &[bool]) {
         let filters = self.filters();
         let is_whole = granted.len() == filters.len();
         // The other grants are not needed. Without the alive topic the probe alone shows whether the path is open.
-        let is_needed = |filter: &Filter| !filter.wants_retained;
+        let is_needed = |filter: &SubscriptionFilter| !filter.wants_retained;
         let is_granted = is_whole
             && filters
                 .iter()
@@ -193,7 +193,7 @@ impl Session {
         self.count_events();
     }
 
-    fn refused(&mut self, at: MonoTime, token: u64, refusal: Refusal) {
+    fn refused(&mut self, at: MonoTime, token: u64, refusal: PublicationRefusal) {
         let number = token & !(STORED | HISTORY);
         let counters = &mut self.counters;
         match token & (STORED | HISTORY) {
@@ -227,7 +227,7 @@ impl Session {
 
     /// Takes a trip or its clearing, to be published until the broker has acknowledged it. Drives that are not ours are
     /// ignored.
-    pub fn trip(&mut self, at: Moment, place: DriveRef, event: &TripEvent) {
+    pub fn trip(&mut self, at: ClockMoment, place: DriveRef, event: &TripEvent) {
         self.clock.see(at);
         let Some(drive) = self.drives.iter().find(|drive| drive.place == place) else {
             return;
@@ -237,7 +237,7 @@ impl Session {
         let mark = self
             .half
             .pair()
-            .map(|_| Mark::of(drive.name.as_str(), &body))
+            .map(|_| EventMark::of(drive.name.as_str(), &body))
             .unwrap_or_default();
         if self.told.take(at.mono, &mark) {
             return;
@@ -248,7 +248,7 @@ impl Session {
     }
 
     /// Advances to the present.
-    pub fn tick(&mut self, at: Moment) {
+    pub fn tick(&mut self, at: ClockMoment) {
         self.clock.see(at);
         self.check_path(at.mono);
         self.drop_overdue(at);
@@ -266,7 +266,7 @@ impl Session {
         if !self.path.is_open() {
             return own;
         }
-        let may_tell = |mark: &Mark| self.may_tell(self.half.now(), mark);
+        let may_tell = |mark: &EventMark| self.may_tell(self.half.now(), mark);
         let told = [
             self.telemetry.wake(),
             self.history.wake(),
@@ -280,13 +280,13 @@ impl Session {
 
     /// The next item for the lines: commands, reads, and the state of the path from the clients; after them attempts to
     /// be kept. It needs no room on the connection, so that a stop never waits for one.
-    pub fn next_inward(&mut self) -> Option<Act> {
-        let attempt = |commands: &mut Commands<_>| {
+    pub fn next_inward(&mut self) -> Option<MqttAct> {
+        let attempt = |commands: &mut BrokerCommands<_>| {
             commands
                 .next_attempt()
-                .map(|(drive, it)| Act::Keep(drive, it))
+                .map(|(drive, it)| MqttAct::Keep(drive, it))
         };
-        let to_line = self.commands.next_to_line().map(Act::ToLine);
+        let to_line = self.commands.next_to_line().map(MqttAct::ToLine);
         to_line
             .or_else(|| attempt(&mut self.commands))
             .or_else(|| self.stored.next_act())
@@ -297,10 +297,10 @@ impl Session {
     /// reconnect until they are acknowledged.
     pub fn next_act(
         &mut self,
-        at: Moment,
+        at: ClockMoment,
         views: &[Arc<DriveView>],
-        lines: &[LineState],
-    ) -> Option<Act> {
+        lines: &[SessionLine],
+    ) -> Option<MqttAct> {
         if let Some(act) = self.next_inward() {
             return Some(act);
         }
@@ -310,16 +310,16 @@ impl Session {
         self.record(at.mono, views);
         if let Some(reason) = self.path.take_reconnect() {
             self.counters.reconnects += 1;
-            return Some(Act::Reconnect(reason));
+            return Some(MqttAct::Reconnect(reason));
         }
         if self.path.take_subscription(at.mono) {
-            return Some(Act::Subscribe(self.filters()));
+            return Some(MqttAct::Subscribe(self.filters()));
         }
         loop {
             let publication = self.next_publication(at.mono, views, lines)?;
             if let Some(publication) = self.admitted(publication) {
                 self.counters.messages_out += 1;
-                return Some(Act::Publish(publication));
+                return Some(MqttAct::Publish(publication));
             }
         }
     }
@@ -340,7 +340,7 @@ impl Session {
         &mut self,
         at: MonoTime,
         views: &[Arc<DriveView>],
-        lines: &[LineState],
+        lines: &[SessionLine],
     ) -> Option<Publication> {
         if let Some(payload) = self.path.take_probe(at) {
             // It must wait wherever a command waits, so it has to be in the same queue of the broker.
@@ -383,7 +383,7 @@ impl Session {
                 Some(HISTORY | number),
             ));
         }
-        let plant = Plant::of(&self.settings, &self.topics, &self.lines, &self.drives)?;
+        let plant = DiscoveryPlant::of(&self.settings, &self.topics, &self.lines, &self.drives)?;
         let (publication, number) = self.discovery.next(at, &plant)?;
         Some(Publication {
             token: Some(DISCOVERY | number),
@@ -406,8 +406,8 @@ impl Session {
     }
 
     /// What is subscribed.
-    fn filters(&self) -> Vec<Filter> {
-        let plant = Plant::of(&self.settings, &self.topics, &self.lines, &self.drives);
+    fn filters(&self) -> Vec<SubscriptionFilter> {
+        let plant = DiscoveryPlant::of(&self.settings, &self.topics, &self.lines, &self.drives);
         self.topics
             .filters()
             .into_iter()
@@ -416,7 +416,7 @@ impl Session {
     }
 
     /// What is still to be published on an orderly end.
-    pub fn farewell(&mut self, at: Moment) -> Vec<Publication> {
+    pub fn farewell(&mut self, at: ClockMoment) -> Vec<Publication> {
         self.clock.see(at);
         let all = if self.half.pair().is_some() {
             self.farewell_as_half(at.mono)
@@ -436,16 +436,16 @@ impl Session {
     /// Whether the path through the broker was proven recently: a probe returned on this connection, no longer ago than
     /// two of them and their time-out allow.
     #[must_use]
-    pub fn is_path_alive(&self, at: Moment) -> bool {
+    pub fn is_path_alive(&self, at: ClockMoment) -> bool {
         self.path.is_alive(at.mono)
     }
 
     /// The counters so far.
     #[must_use]
-    pub fn counters(&self) -> Counters {
+    pub fn counters(&self) -> MqttCounters {
         let (attempts_lost, partner_online) =
             (self.commands.attempts_lost(), self.is_partner_online());
-        Counters {
+        MqttCounters {
             attempts_lost,
             partner_online,
             ..self.counters

@@ -1,50 +1,54 @@
 //! The life of a session: birth, probe, reconnects, events.
 
-use super::harness::{Rig, Staged, message, on, publications, results, settings, told};
-use super::types::{Act, LeaseMode};
+use super::harness::{Rig, Staged, message, on, publications, published_texts, results, settings};
+use super::types::{LeaseMode, MqttAct};
 use crate::domain::command::{Outcome, Reason};
 use crate::domain::ids::DriveIndex;
 use crate::drive::description::DriveRef;
 use crate::drive::view::{TripEvent, TripEventKind, TripRecord};
-use crate::north::broker::{Broker, Event, Publication, Qos, ToLine, Version};
+use crate::north::broker::{BrokerEvent, BrokerLimits, MqttVersion, Publication, Qos, ToLine};
 use serde_json::{Value, json};
 use std::time::Duration;
 
-fn topics(acts: &[Act]) -> Vec<String> {
-    told(acts).into_iter().map(|(topic, _)| topic).collect()
+fn topics(acts: &[MqttAct]) -> Vec<String> {
+    published_texts(acts)
+        .into_iter()
+        .map(|(topic, _)| topic)
+        .collect()
 }
 
-fn has_probe(acts: &[Act]) -> bool {
-    acts.iter()
-        .any(|act| matches!(act, Act::Publish(it) if it.topic == "vfd/plant/probe" && !it.retain))
+fn has_probe(acts: &[MqttAct]) -> bool {
+    acts.iter().any(
+        |act| matches!(act, MqttAct::Publish(it) if it.topic == "vfd/plant/probe" && !it.retain),
+    )
 }
 
 fn subscribe(rig: &mut Rig) -> usize {
-    rig.handle(Event::Connected(rig.broker));
+    rig.handle(BrokerEvent::Connected(rig.broker));
     match &rig.acts_without_echo()[..] {
-        [Act::Subscribe(filters)] => filters.len(),
+        [MqttAct::Subscribe(filters)] => filters.len(),
         other => panic!("{other:?}"),
     }
 }
 
 #[test]
 fn nothing_is_said_before_the_subscription_and_the_probe() {
-    let mut rig = Rig::new(Version::V5);
+    let mut rig = Rig::new(MqttVersion::V5);
     rig.poll(0, 3_000);
     assert_eq!(rig.acts_without_echo(), [], "no connection");
     let filters = subscribe(&mut rig);
     assert_eq!(rig.acts_without_echo(), []);
-    rig.handle(Event::Subscribed(vec![true; filters]));
+    rig.handle(BrokerEvent::Subscribed(vec![true; filters]));
     let acts = rig.acts_without_echo();
-    assert_eq!(acts[0], Act::ToLine(ToLine::PathOpened));
+    assert_eq!(acts[0], MqttAct::ToLine(ToLine::PathOpened));
     assert!(acts.len() == 2 && has_probe(&acts));
     assert!(!rig.session.is_path_alive(rig.at()));
-    let Act::Publish(Publication { payload, .. }) = &acts[1] else {
+    let MqttAct::Publish(Publication { payload, .. }) = &acts[1] else {
         panic!()
     };
-    rig.handle(Event::Message(message("vfd/plant/probe", payload)));
+    rig.handle(BrokerEvent::Message(message("vfd/plant/probe", payload)));
     let acts = rig.acts_without_echo();
-    assert_eq!(acts[0], Act::ToLine(ToLine::PathAlive));
+    assert_eq!(acts[0], MqttAct::ToLine(ToLine::PathAlive));
     assert!(rig.session.is_path_alive(rig.at()));
     let topics = topics(&acts);
     assert_eq!(
@@ -55,7 +59,7 @@ fn nothing_is_said_before_the_subscription_and_the_probe() {
 
 #[test]
 fn a_birth_says_everything_once_and_online_last() {
-    let mut rig = Rig::new(Version::V5);
+    let mut rig = Rig::new(MqttVersion::V5);
     rig.poll(0, 3_000);
     let acts = rig.connect();
     let expected = [
@@ -92,8 +96,8 @@ fn a_birth_says_everything_once_and_online_last() {
 #[test]
 fn only_version_5_lets_telemetry_expire() {
     for (version, expected) in [
-        (Version::V5, Some(Duration::from_secs(180))),
-        (Version::V4, None),
+        (MqttVersion::V5, Some(Duration::from_secs(180))),
+        (MqttVersion::V4, None),
     ] {
         let mut rig = Rig::new(version);
         rig.poll(0, 3_000);
@@ -112,10 +116,10 @@ fn only_version_5_lets_telemetry_expire() {
 
 #[test]
 fn filters_are_narrow_and_catch_nothing_of_ours() {
-    let mut rig = Rig::new(Version::V5);
+    let mut rig = Rig::new(MqttVersion::V5);
     rig.poll(0, 3_000);
     let acts = rig.connect();
-    let Act::Subscribe(filters) = &acts[0] else {
+    let MqttAct::Subscribe(filters) = &acts[0] else {
         panic!()
     };
     assert!(filters.iter().all(|filter| !filter.path.contains('#')));
@@ -147,11 +151,11 @@ fn filters_are_narrow_and_catch_nothing_of_ours() {
 
 #[test]
 fn an_alive_topic_that_is_not_granted_is_done_without() {
-    let mut rig = Rig::new(Version::V5);
+    let mut rig = Rig::new(MqttVersion::V5);
     let filters = subscribe(&mut rig);
     let mut granted = vec![true; filters];
     granted[filters - 1] = false;
-    rig.handle(Event::Subscribed(granted));
+    rig.handle(BrokerEvent::Subscribed(granted));
     assert!(has_probe(&rig.acts_without_echo()));
     assert_eq!(
         (
@@ -165,12 +169,12 @@ fn an_alive_topic_that_is_not_granted_is_done_without() {
 #[test]
 fn a_filter_that_is_not_granted_asks_for_a_new_connection() {
     for missing in [true, false] {
-        let mut rig = Rig::new(Version::V5);
+        let mut rig = Rig::new(MqttVersion::V5);
         let filters = subscribe(&mut rig);
         let mut granted = vec![true; filters - usize::from(missing)];
         granted[3] = missing;
-        rig.handle(Event::Subscribed(granted));
-        assert!(matches!(rig.acts()[..], [Act::Reconnect(_)]));
+        rig.handle(BrokerEvent::Subscribed(granted));
+        assert!(matches!(rig.acts()[..], [MqttAct::Reconnect(_)]));
         assert_eq!(rig.pass(100_000), [], "once, and nothing after it");
         assert_eq!(rig.session.counters().reconnects, 1);
     }
@@ -178,10 +182,10 @@ fn a_filter_that_is_not_granted_asks_for_a_new_connection() {
 
 #[test]
 fn a_lost_probe_ends_the_connection_and_the_heartbeats() {
-    let mut rig = Rig::born(Version::V5);
-    let alive = |acts: &[Act]| {
+    let mut rig = Rig::born(MqttVersion::V5);
+    let alive = |acts: &[MqttAct]| {
         acts.iter()
-            .filter(|act| **act == Act::ToLine(ToLine::PathAlive))
+            .filter(|act| **act == MqttAct::ToLine(ToLine::PathAlive))
             .count()
     };
     let acts = rig.pass(20_000);
@@ -199,7 +203,7 @@ fn a_lost_probe_ends_the_connection_and_the_heartbeats() {
     assert_eq!(alive(&acts), 0);
     assert_eq!(
         acts.iter()
-            .filter(|act| matches!(act, Act::Reconnect(_)))
+            .filter(|act| matches!(act, MqttAct::Reconnect(_)))
             .count(),
         1
     );
@@ -220,7 +224,7 @@ fn a_lost_probe_ends_the_connection_and_the_heartbeats() {
 
 #[test]
 fn commanders_that_are_gone_give_no_sign_of_life() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     for (payload, expected) in [
         (&b" Offline"[..], false),
         (b"online", true),
@@ -229,14 +233,15 @@ fn commanders_that_are_gone_give_no_sign_of_life() {
     ] {
         rig.deliver(&message("home/status", payload));
         assert_eq!(
-            rig.pass(5_000).contains(&Act::ToLine(ToLine::PathAlive)),
+            rig.pass(5_000)
+                .contains(&MqttAct::ToLine(ToLine::PathAlive)),
             expected
         );
     }
     rig.deliver(&message("home/status", b"offline"));
-    rig.handle(Event::Lost);
+    rig.handle(BrokerEvent::Lost);
     assert!(
-        !rig.connect().contains(&Act::ToLine(ToLine::PathAlive)),
+        !rig.connect().contains(&MqttAct::ToLine(ToLine::PathAlive)),
         "until the alive topic says otherwise"
     );
 }
@@ -245,26 +250,29 @@ fn commanders_that_are_gone_give_no_sign_of_life() {
 fn explicit_leases_live_on_commands_only() {
     let mut rig = Rig::with(super::types::Settings {
         lease: LeaseMode::Explicit,
-        ..settings(Version::V5)
+        ..settings(MqttVersion::V5)
     });
     let acts = rig.connect();
     assert!(
-        acts.contains(&Act::ToLine(ToLine::PathOpened))
-            && !acts.contains(&Act::ToLine(ToLine::PathAlive))
+        acts.contains(&MqttAct::ToLine(ToLine::PathOpened))
+            && !acts.contains(&MqttAct::ToLine(ToLine::PathAlive))
     );
-    assert!(!rig.pass(30_000).contains(&Act::ToLine(ToLine::PathAlive)));
+    assert!(
+        !rig.pass(30_000)
+            .contains(&MqttAct::ToLine(ToLine::PathAlive))
+    );
 }
 
 #[test]
 fn retained_or_foreign_probes_prove_nothing() {
-    let mut rig = Rig::new(Version::V5);
+    let mut rig = Rig::new(MqttVersion::V5);
     let filters = subscribe(&mut rig);
-    rig.handle(Event::Subscribed(vec![true; filters]));
+    rig.handle(BrokerEvent::Subscribed(vec![true; filters]));
     let acts = rig.acts_without_echo();
-    let Some(Act::Publish(probe)) = acts.last() else {
+    let Some(MqttAct::Publish(probe)) = acts.last() else {
         panic!()
     };
-    rig.handle(Event::Message(crate::north::broker::Message {
+    rig.handle(BrokerEvent::Message(crate::north::broker::BrokerMessage {
         retain: true,
         ..message("vfd/plant/probe", &probe.payload)
     }));
@@ -275,14 +283,14 @@ fn retained_or_foreign_probes_prove_nothing() {
         text.replace('-', ""),
     ];
     for payload in guessed.iter().map(String::as_bytes) {
-        rig.handle(Event::Message(message("vfd/plant/probe", payload)));
+        rig.handle(BrokerEvent::Message(message("vfd/plant/probe", payload)));
     }
     assert_eq!(rig.acts_without_echo(), []);
 }
 
 #[test]
 fn will_and_farewell_say_offline() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let will = rig.session.will();
     assert_eq!(
         (will.topic.as_str(), &will.payload[..]),
@@ -293,7 +301,7 @@ fn will_and_farewell_say_offline() {
         .session
         .farewell(rig.at())
         .into_iter()
-        .map(Act::Publish)
+        .map(MqttAct::Publish)
         .collect();
     let expected = [
         "drive/pump/availability",
@@ -301,7 +309,7 @@ fn will_and_farewell_say_offline() {
         "status",
     ];
     assert_eq!(
-        told(&farewell),
+        published_texts(&farewell),
         expected.map(|topic| (topic.to_owned(), "offline".to_owned()))
     );
 }
@@ -329,7 +337,7 @@ fn trip(rig: &mut Rig, trips: u16) {
     rig.session.trip(rig.at(), place, &event);
 }
 
-fn events(acts: &[Act]) -> Vec<(u64, Value)> {
+fn events(acts: &[MqttAct]) -> Vec<(u64, Value)> {
     let events = publications(acts)
         .into_iter()
         .filter(|it| it.topic.ends_with("trip/event"));
@@ -345,7 +353,7 @@ fn events(acts: &[Act]) -> Vec<(u64, Value)> {
 
 #[test]
 fn an_event_says_what_was_measured() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     trip(&mut rig, 2);
     let cleared = TripEvent {
         kind: TripEventKind::Cleared,
@@ -390,9 +398,9 @@ fn an_event_says_what_was_measured() {
 
 #[test]
 fn events_come_in_order_and_again_after_a_reconnect_until_acknowledged() {
-    let mut rig = Rig::new(Version::V5);
+    let mut rig = Rig::new(MqttVersion::V5);
     (0..20).for_each(|_| trip(&mut rig, 1));
-    let tokens = |acts: &[Act]| {
+    let tokens = |acts: &[MqttAct]| {
         events(acts)
             .into_iter()
             .map(|(token, _)| token)
@@ -403,24 +411,24 @@ fn events_come_in_order_and_again_after_a_reconnect_until_acknowledged() {
         (1..=16).collect::<Vec<_>>(),
         "no more than 16 in flight"
     );
-    rig.handle(Event::Acknowledged(1));
+    rig.handle(BrokerEvent::Acknowledged(1));
     assert_eq!(tokens(&rig.acts()), [17]);
     assert_eq!(rig.session.counters().events_waiting, 19);
-    rig.handle(Event::Lost);
+    rig.handle(BrokerEvent::Lost);
     assert_eq!(rig.acts(), []);
     assert_eq!(tokens(&rig.connect()), (2..=17).collect::<Vec<_>>());
     for token in 2..=20 {
-        rig.handle(Event::Acknowledged(token));
+        rig.handle(BrokerEvent::Acknowledged(token));
         rig.acts();
     }
     assert_eq!(rig.session.counters().events_waiting, 0);
-    rig.handle(Event::Lost);
+    rig.handle(BrokerEvent::Lost);
     assert_eq!(tokens(&rig.connect()), [0; 0]);
 }
 
 #[test]
 fn a_full_queue_of_events_counts_and_reports_what_it_lost() {
-    let mut rig = Rig::new(Version::V5);
+    let mut rig = Rig::new(MqttVersion::V5);
     (0..1_030).for_each(|_| trip(&mut rig, 1));
     assert_eq!(rig.session.counters().events_dropped, 6);
     let first = &events(&rig.connect())[0].1;
@@ -429,8 +437,8 @@ fn a_full_queue_of_events_counts_and_reports_what_it_lost() {
 
 #[test]
 fn what_the_broker_does_not_take_is_not_sent() {
-    let mut rig = Rig::new(Version::V5);
-    rig.broker = Broker {
+    let mut rig = Rig::new(MqttVersion::V5);
+    rig.broker = BrokerLimits {
         maximum_packet_bytes: Some(200),
         retains: true,
     };
@@ -449,7 +457,7 @@ fn what_the_broker_does_not_take_is_not_sent() {
         "it would never go"
     );
 
-    let mut rig = Rig::new(Version::V5);
+    let mut rig = Rig::new(MqttVersion::V5);
     rig.broker.retains = false;
     let acts = rig.connect();
     assert!(
@@ -461,8 +469,8 @@ fn what_the_broker_does_not_take_is_not_sent() {
 
 #[test]
 fn results_wait_for_the_connection() {
-    let mut rig = Rig::born(Version::V5);
-    rig.handle(Event::Lost);
+    let mut rig = Rig::born(MqttVersion::V5);
+    rig.handle(BrokerEvent::Lost);
     assert_eq!(
         publications(&rig.send("drive/pump/run/set", b"bad")),
         [] as [&Publication; 0]
@@ -475,23 +483,23 @@ fn results_wait_for_the_connection() {
 fn a_way_that_is_open_for_moments_only_keeps_no_lease() {
     let mut rig = Rig::with(super::types::Settings {
         probe_interval: Duration::from_secs(1),
-        ..super::harness::settings(Version::V4)
+        ..super::harness::settings(MqttVersion::V4)
     });
-    let alive = |acts: &[Act]| {
+    let alive = |acts: &[MqttAct]| {
         acts.iter()
-            .filter(|act| **act == Act::ToLine(ToLine::PathAlive))
+            .filter(|act| **act == MqttAct::ToLine(ToLine::PathAlive))
             .count()
     };
     assert_eq!(alive(&rig.connect()), 1, "the first connection");
     assert_eq!(alive(&rig.pass(10_000)), 10);
     for lives_ms in [900, 100, 2_900, 4_900, 0] {
-        rig.handle(Event::Lost);
+        rig.handle(BrokerEvent::Lost);
         rig.millis += 1_000;
         let mut acts = rig.connect();
         acts.extend(rig.pass(lives_ms));
         assert_eq!(alive(&acts), 0, "{lives_ms} ms");
     }
-    rig.handle(Event::Lost);
+    rig.handle(BrokerEvent::Lost);
     let mut acts = rig.connect();
     acts.extend(rig.pass(10_000));
     assert_eq!(alive(&acts), 6, "from the fifth second on");
@@ -499,9 +507,9 @@ fn a_way_that_is_open_for_moments_only_keeps_no_lease() {
 
 #[test]
 fn what_is_larger_than_the_broker_takes_is_named_and_no_document_grows_with_the_drives() {
-    let mut rig = Rig::new(Version::V4);
+    let mut rig = Rig::new(MqttVersion::V4);
     rig.poll(0, 3_000);
-    rig.broker = Broker {
+    rig.broker = BrokerLimits {
         maximum_packet_bytes: Some(1_000),
         retains: true,
     };
@@ -545,7 +553,7 @@ fn what_is_larger_than_the_broker_takes_is_named_and_no_document_grows_with_the_
 
 #[test]
 fn clients_that_are_gone_are_named_in_the_result_of_a_run() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     assert_eq!(rig.session.clients_gone(), None);
     rig.deliver(&message("home/status", b"offline"));
     assert_eq!(rig.session.clients_gone(), Some("home/status"));

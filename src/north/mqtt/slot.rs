@@ -2,8 +2,8 @@
 
 use crate::domain::time::MonoTime;
 use crate::north::broker::{Publication, Qos};
-use crate::north::clock::Clock;
-use crate::profile::scale::Scaled;
+use crate::north::clock::LabelClock;
+use crate::profile::scale::ScaledValue;
 use std::borrow::Cow;
 use std::time::Duration;
 
@@ -12,15 +12,15 @@ pub(super) const EXPIRY_HEARTBEATS: u32 = 3;
 
 /// What publishing depends on besides the views.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Present {
+pub(super) struct RenderContext {
     pub(super) at: MonoTime,
-    pub(super) clock: Clock,
+    pub(super) clock: LabelClock,
     pub(super) heartbeat: Duration,
     /// Whether the broker may be given an expiry for telemetry (MQTT 5).
     pub(super) expires: bool,
 }
 
-impl Present {
+impl RenderContext {
     /// This present with `heartbeat` in place of its own, if there is one.
     pub(super) fn beating(self, heartbeat: Option<Duration>) -> Self {
         Self {
@@ -32,25 +32,25 @@ impl Present {
 
 /// The content of a topic.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Content {
+pub(super) enum TopicContent {
     /// It is empty.
     Cleared,
     /// This text.
     Text(Cow<'static, str>),
     /// The value of a register.
-    Value(Scaled),
+    Value(ScaledValue),
 }
 
 /// One retained topic.
 #[derive(Debug)]
-pub(super) struct Slot {
+pub(super) struct TopicSlot {
     topic: String,
-    published: Option<(MonoTime, Content)>,
+    published: Option<(MonoTime, TopicContent)>,
     /// The last content that was published or kept for later: it outlives the connection.
-    told: Option<Content>,
+    told: Option<TopicContent>,
 }
 
-impl Slot {
+impl TopicSlot {
     pub(super) const fn new(topic: String) -> Self {
         Self {
             topic,
@@ -63,14 +63,14 @@ impl Slot {
     /// distinguish are the same content.
     pub(super) fn offer(
         &mut self,
-        now: &Present,
-        content: Content,
-        differ: impl Fn(Scaled, Scaled) -> bool,
-    ) -> Option<&Content> {
+        now: &RenderContext,
+        content: TopicContent,
+        differ: impl Fn(ScaledValue, ScaledValue) -> bool,
+    ) -> Option<&TopicContent> {
         let is_due = match (&self.published, &content) {
             (None, _) => true,
-            (Some((_, Content::Cleared)), Content::Cleared) => false,
-            (Some((at, Content::Value(old))), Content::Value(new)) => {
+            (Some((_, TopicContent::Cleared)), TopicContent::Cleared) => false,
+            (Some((at, TopicContent::Value(old))), TopicContent::Value(new)) => {
                 differ(*old, *new) || now.at.since(*at) >= now.heartbeat
             }
             (Some((at, old)), new) => old != new || now.at.since(*at) >= now.heartbeat,
@@ -86,12 +86,12 @@ impl Slot {
     /// content of all is no change, nor is a value becoming unknown.
     pub(super) fn tell(
         &mut self,
-        content: &Content,
-        differ: impl Fn(Scaled, Scaled) -> bool,
+        content: &TopicContent,
+        differ: impl Fn(ScaledValue, ScaledValue) -> bool,
     ) -> bool {
         let is_new = match (&self.told, content) {
-            (_, Content::Cleared) => return false,
-            (Some(Content::Value(old)), Content::Value(new)) => differ(*old, *new),
+            (_, TopicContent::Cleared) => return false,
+            (Some(TopicContent::Value(old)), TopicContent::Value(new)) => differ(*old, *new),
             (old, new) => old.as_ref() != Some(new),
         };
         let is_first = self.told.is_none();
@@ -110,20 +110,20 @@ impl Slot {
     pub(super) const fn is_filled(&self) -> bool {
         matches!(
             self.published,
-            Some((_, Content::Text(_) | Content::Value(_)))
+            Some((_, TopicContent::Text(_) | TopicContent::Value(_)))
         )
     }
 
     /// When it is published again although unchanged.
     pub(super) fn due(&self, heartbeat: Duration) -> MonoTime {
         match &self.published {
-            Some((at, Content::Text(_) | Content::Value(_))) => *at + heartbeat,
+            Some((at, TopicContent::Text(_) | TopicContent::Value(_))) => *at + heartbeat,
             _ => MonoTime::NEVER,
         }
     }
 
     /// Records what would be published if the topic were published.
-    pub(super) fn see(&mut self, content: Content) {
+    pub(super) fn see(&mut self, content: TopicContent) {
         self.told = Some(content);
     }
 
@@ -133,13 +133,23 @@ impl Slot {
     }
 
     /// Its publication with `payload`; an empty one clears the topic.
-    pub(super) fn publication(&self, now: &Present, payload: Vec<u8>, qos: Qos) -> Publication {
+    pub(super) fn publication(
+        &self,
+        now: &RenderContext,
+        payload: Vec<u8>,
+        qos: Qos,
+    ) -> Publication {
         retained(now, self.topic.clone(), payload, qos)
     }
 }
 
 /// A retained publication of telemetry.
-pub(super) fn retained(now: &Present, topic: String, payload: Vec<u8>, qos: Qos) -> Publication {
+pub(super) fn retained(
+    now: &RenderContext,
+    topic: String,
+    payload: Vec<u8>,
+    qos: Qos,
+) -> Publication {
     let expiry = (now.expires && !payload.is_empty()).then(|| now.heartbeat * EXPIRY_HEARTBEATS);
     Publication {
         topic,

@@ -1,18 +1,20 @@
 //! The session as one of several gateways of the same name: they hear what each publishes, and what both have seen is
 //! published once.
 
-use super::session::Session;
-use super::slot::Present;
-use super::telemetry::Spoken;
-use super::told::Mark;
-use super::topics::Told;
+use super::session::MqttSession;
+use super::slot::RenderContext;
+use super::telemetry::SpokenShare;
+use super::told::EventMark;
+use super::topics::PeerTopic;
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::time::MonoTime;
-use crate::north::broker::{LineState, Message, Pending, Publication, Request, Version};
-use crate::north::clock::Moment;
+use crate::north::broker::{
+    BrokerMessage, DriveRequest, MqttVersion, PendingRequest, Publication, SessionLine,
+};
+use crate::north::clock::ClockMoment;
 use serde_json::{Map, Value};
 
-impl Session {
+impl MqttSession {
     /// Whether it is one of several gateways of its name.
     #[must_use]
     pub const fn has_partner(&self) -> bool {
@@ -30,7 +32,7 @@ impl Session {
 
     /// Takes the present roles of the gateway on its lines, in their order. To be called before a message is handled;
     /// [`next_act`](Self::next_act) does it itself.
-    pub fn see_roles(&mut self, at: Moment, lines: &[LineState]) {
+    pub fn see_roles(&mut self, at: ClockMoment, lines: &[SessionLine]) {
         if self.half.see(at.mono, lines) {
             self.speak(at.mono);
         }
@@ -43,7 +45,7 @@ impl Session {
         }
         let (lines, drives) = self.half.speaks();
         let (is_led, is_silent) = (!self.half.leads(), !self.half.speaks_at_all());
-        self.telemetry.speak(Spoken {
+        self.telemetry.speak(SpokenShare {
             is_led,
             is_silent,
             lines: Some(lines),
@@ -64,23 +66,23 @@ impl Session {
     }
 
     /// Takes what this or another gateway of the name has published.
-    pub(super) fn hear(&mut self, at: MonoTime, told: Told<'_>, message: &Message<'_>) {
+    pub(super) fn hear(&mut self, at: MonoTime, told: PeerTopic<'_>, message: &BrokerMessage<'_>) {
         match told {
-            Told::Status => {
+            PeerTopic::Status => {
                 if message.payload == b"offline" {
                     self.half.told_offline(at);
                     self.telemetry.forget_status();
                     self.speak(at);
                 }
             }
-            Told::Standby(half) => {
+            PeerTopic::Standby(half) => {
                 if self.half.heard(half, message.payload) {
                     self.telemetry.forget_lines();
                 }
                 self.speak(at);
             }
-            Told::Event(drive) => self.hear_event(at, drive, message.payload),
-            Told::Last(drive) => self.hear_last(drive, message.payload),
+            PeerTopic::Event(drive) => self.hear_event(at, drive, message.payload),
+            PeerTopic::Last(drive) => self.hear_last(drive, message.payload),
         }
         self.count_events();
     }
@@ -97,8 +99,8 @@ impl Session {
         if is_ours || !self.drives.iter().any(|it| it.name.as_str() == drive) {
             return;
         }
-        let mark = Mark::of(drive, &body);
-        let is_it = |own: &Mark| own.is_same(&mark);
+        let mark = EventMark::of(drive, &body);
+        let is_it = |own: &EventMark| own.is_same(&mark);
         if !self.events.drop_told(is_it) && !self.stored.drop_told(is_it) {
             self.told.remember(at, mark);
         }
@@ -120,7 +122,7 @@ impl Session {
     }
 
     /// Whether the event with this mark may be published now.
-    pub(super) fn may_tell(&self, at: MonoTime, mark: &Mark) -> bool {
+    pub(super) fn may_tell(&self, at: MonoTime, mark: &EventMark) -> bool {
         if self.half.pair().is_none() {
             return true;
         }
@@ -132,9 +134,13 @@ impl Session {
     }
 
     /// Whether `report` only says that another gateway is active, which answers itself.
-    pub(super) fn is_left_to_another<C>(&self, pending: &Pending<C>, report: Report) -> bool {
+    pub(super) fn is_left_to_another<C>(
+        &self,
+        pending: &PendingRequest<C>,
+        report: Report,
+    ) -> bool {
         let is_untried =
-            matches!(pending.request, Request::Read(_)) || report.outcome == Outcome::Refused;
+            matches!(pending.request, DriveRequest::Read(_)) || report.outcome == Outcome::Refused;
         self.half.pair().is_some() && report.reason == Reason::Standby && is_untried
     }
 
@@ -144,9 +150,9 @@ impl Session {
         self.half.next(&now, &self.topics)
     }
 
-    fn present(&self, at: MonoTime) -> Present {
-        let expires = self.settings.version == Version::V5;
-        Present {
+    fn present(&self, at: MonoTime) -> RenderContext {
+        let expires = self.settings.version == MqttVersion::V5;
+        RenderContext {
             at,
             clock: self.clock,
             heartbeat: self.settings.heartbeat,

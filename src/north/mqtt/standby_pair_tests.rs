@@ -2,9 +2,11 @@
 
 use super::harness::{Rig, message, settings};
 use super::standby_tests::{pair, report, trip};
-use super::types::{Act, Settings};
+use super::types::{MqttAct, Settings};
 use crate::domain::standby::LineRole;
-use crate::north::broker::{Event, Filter, Message, Publication, Version};
+use crate::north::broker::{
+    BrokerEvent, BrokerMessage, MqttVersion, Publication, SubscriptionFilter,
+};
 use std::collections::BTreeMap;
 
 const HALVES: [&str; 2] = ["a", "b"];
@@ -12,7 +14,7 @@ const HALVES: [&str; 2] = ["a", "b"];
 /// Both gateways, the broker, and everything that was published.
 struct Plant {
     rigs: [Rig; 2],
-    filters: [Vec<Filter>; 2],
+    filters: [Vec<SubscriptionFilter>; 2],
     is_connected: [bool; 2],
     retained: BTreeMap<String, Vec<u8>>,
     told: Vec<(String, String)>,
@@ -34,7 +36,7 @@ impl Plant {
         let rig = |half, partner, role| {
             let mut rig = Rig::with(Settings {
                 standby: Some(pair(half, partner)),
-                ..settings(Version::V5)
+                ..settings(MqttVersion::V5)
             });
             rig.lines[0].report.standby = Some(report(role));
             rig.poll(0, 3_000);
@@ -62,7 +64,7 @@ impl Plant {
     fn connect(&mut self, half: usize) {
         self.is_connected[half] = true;
         let broker = self.rigs[half].broker;
-        self.rigs[half].handle(Event::Connected(broker));
+        self.rigs[half].handle(BrokerEvent::Connected(broker));
         self.settle();
     }
 
@@ -78,7 +80,7 @@ impl Plant {
     }
 
     fn deliver(&mut self, half: usize, topic: &str, payload: &[u8], retain: bool) {
-        self.rigs[half].handle(Event::Message(Message {
+        self.rigs[half].handle(BrokerEvent::Message(BrokerMessage {
             retain,
             ..message(topic, payload)
         }));
@@ -117,14 +119,14 @@ impl Plant {
         stage.show();
         match session.next_act(stage.at(), &stage.shown, &stage.lines) {
             None => return false,
-            Some(Act::Publish(it)) => {
+            Some(MqttAct::Publish(it)) => {
                 self.publish(&it);
                 if let Some(token) = it.token {
-                    self.rigs[half].handle(Event::Acknowledged(token));
+                    self.rigs[half].handle(BrokerEvent::Acknowledged(token));
                 }
             }
-            Some(Act::Subscribe(filters)) => {
-                self.rigs[half].handle(Event::Subscribed(vec![true; filters.len()]));
+            Some(MqttAct::Subscribe(filters)) => {
+                self.rigs[half].handle(BrokerEvent::Subscribed(vec![true; filters.len()]));
                 let is_wanted = |topic: &str| {
                     filters
                         .iter()

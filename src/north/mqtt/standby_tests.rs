@@ -1,16 +1,17 @@
 //! The session as one of two gateways of the same name.
 
 use super::harness::{
-    Rig, Staged, commands, kept, message, name, on, orders, publications, results, settings, told,
+    Rig, Staged, commands, kept, message, name, on, orders, publications, published_texts, results,
+    settings,
 };
-use super::types::{Act, HomeAssistant, Settings};
+use super::types::{HomeAssistant, MqttAct, Settings};
 use crate::domain::command::{Order, Outcome, Reason};
 use crate::domain::ids::DriveIndex;
 use crate::domain::standby::{LineRole, StandbyPair, StandbyReport, StandbyTrouble};
 use crate::drive::description::DriveRef;
 use crate::drive::view::{TripEvent, TripEventKind, TripRecord};
 use crate::journal::StoredEvent;
-use crate::north::broker::{Event, Publication, Version};
+use crate::north::broker::{BrokerEvent, MqttVersion, Publication};
 use serde_json::{Value, json};
 
 pub(super) fn report(role: LineRole) -> StandbyReport {
@@ -48,7 +49,7 @@ fn half_with(settings: Settings, role: LineRole) -> Rig {
 
 /// The half `b` of two on the line `hall`.
 fn half(role: LineRole) -> Rig {
-    half_with(settings(Version::V5), role)
+    half_with(settings(MqttVersion::V5), role)
 }
 
 fn connected(role: LineRole) -> Rig {
@@ -57,13 +58,16 @@ fn connected(role: LineRole) -> Rig {
     rig
 }
 
-fn set(rig: &mut Rig, role: LineRole) -> Vec<Act> {
+fn set(rig: &mut Rig, role: LineRole) -> Vec<MqttAct> {
     rig.lines[0].report.standby = Some(report(role));
     rig.acts()
 }
 
-fn topics(acts: &[Act]) -> Vec<String> {
-    told(acts).into_iter().map(|(topic, _)| topic).collect()
+fn topics(acts: &[MqttAct]) -> Vec<String> {
+    published_texts(acts)
+        .into_iter()
+        .map(|(topic, _)| topic)
+        .collect()
 }
 
 #[test]
@@ -122,11 +126,11 @@ fn who_becomes_active_publishes_everything_and_says_online_last() {
 
 #[test]
 fn the_end_of_another_never_hides_this_one() {
-    for version in [Version::V4, Version::V5] {
+    for version in [MqttVersion::V4, MqttVersion::V5] {
         let mut rig = half_with(settings(version), LineRole::Active);
         rig.connect();
         let acts = rig.send("status", b"offline");
-        let told = told(&acts);
+        let told = published_texts(&acts);
         assert_eq!(
             told.last()
                 .map(|(topic, payload)| (topic.as_str(), payload.as_str())),
@@ -172,7 +176,11 @@ fn a_listener_leaves_commands_to_the_active_one() {
             commands(&acts).is_empty() && kept(&acts).is_empty(),
             "{topic}"
         );
-        assert!(publications(&acts).is_empty(), "{topic}: {:?}", told(&acts));
+        assert!(
+            publications(&acts).is_empty(),
+            "{topic}: {:?}",
+            published_texts(&acts)
+        );
     }
 }
 
@@ -261,7 +269,7 @@ pub(super) fn trip(rig: &mut Rig) {
     );
 }
 
-fn events(acts: &[Act]) -> Vec<&Publication> {
+fn events(acts: &[MqttAct]) -> Vec<&Publication> {
     publications(acts)
         .into_iter()
         .filter(|it| it.topic.ends_with("trip/event"))
@@ -323,10 +331,10 @@ fn what_the_broker_retains_when_it_connects_was_told() {
         let values = json!({ "trip_cause": { "value": 9.0, "unit": null }, "trip_current": { "value": 12.3, "unit": "A" } });
         let last =
             json!({ "at": "before", "code": code, "text": "x", "values": values }).to_string();
-        rig.handle(Event::Connected(rig.broker));
+        rig.handle(BrokerEvent::Connected(rig.broker));
         rig.acts();
-        rig.handle(Event::Subscribed(vec![true; 24]));
-        rig.handle(Event::Message(message(
+        rig.handle(BrokerEvent::Subscribed(vec![true; 24]));
+        rig.handle(BrokerEvent::Message(message(
             "vfd/plant/drive/pump/trip/last",
             last.as_bytes(),
         )));
@@ -348,12 +356,12 @@ fn stored_events_that_another_told_are_done() {
         .stored_events(rig.at(), &[stored(1, 3), stored(2, 4)], false);
     let acts = rig.acts();
     assert!(
-        acts.contains(&Act::EventTaken(1)) && !acts.contains(&Act::EventTaken(2)),
+        acts.contains(&MqttAct::EventTaken(1)) && !acts.contains(&MqttAct::EventTaken(2)),
         "{acts:?}"
     );
     assert!(events(&acts).is_empty());
     let acts = rig.send("drive/pump/trip/event", &told_by_the_other(4));
-    assert!(acts.contains(&Act::EventTaken(2)), "{acts:?}");
+    assert!(acts.contains(&MqttAct::EventTaken(2)), "{acts:?}");
     // Events of its own journal are no one else's.
     rig.session.stored_events(rig.at(), &[stored(3, 5)], false);
     rig.send("drive/pump/trip/event", body(3, 5).to_string().as_bytes());
@@ -429,9 +437,9 @@ fn whether_the_partner_is_there_is_counted_by_its_own_words() {
     );
     assert_eq!(online(&rig), Some(false), "it has said farewell");
     rig.send("standby/a", &other("active"));
-    rig.handle(Event::Lost);
+    rig.handle(BrokerEvent::Lost);
     assert_eq!(online(&rig), None);
-    let mut alone = Rig::with(settings(Version::V5));
+    let mut alone = Rig::with(settings(MqttVersion::V5));
     alone.connect();
     assert_eq!(online(&alone), None);
 }
@@ -443,7 +451,7 @@ fn the_farewell_takes_back_what_it_spoke_for() {
             .session
             .farewell(rig.at())
             .into_iter()
-            .map(Act::Publish)
+            .map(MqttAct::Publish)
             .collect();
         topics(&acts)
     };
@@ -476,13 +484,13 @@ fn one_of_them_announces_to_home_assistant_and_both_the_same() {
         half_with(
             Settings {
                 home_assistant: Some(home_assistant),
-                ..settings(Version::V5)
+                ..settings(MqttVersion::V5)
             },
             role,
         )
     };
-    let announced = |acts: &[Act]| -> Vec<(String, String)> {
-        told(acts)
+    let announced = |acts: &[MqttAct]| -> Vec<(String, String)> {
+        published_texts(acts)
             .into_iter()
             .filter(|(topic, _)| topic.starts_with("homeassistant/"))
             .collect()
@@ -506,9 +514,9 @@ fn one_of_them_announces_to_home_assistant_and_both_the_same() {
     let settings = Settings {
         standby: Some(pair("a", "b")),
         home_assistant,
-        ..settings(Version::V5)
+        ..settings(MqttVersion::V5)
     };
-    rig.session = super::Session::new(
+    rig.session = super::MqttSession::new(
         settings,
         super::harness::drives(),
         vec![name("hall")],
@@ -536,7 +544,7 @@ fn what_concerns_no_line_comes_from_the_first_by_name_that_is_active() {
     assert_eq!(answers(&mut rig), [1, 1]);
     rig.send("standby/a", &other("active"));
     assert_eq!(answers(&mut rig), [0, 0]);
-    rig.handle(Event::Lost);
+    rig.handle(BrokerEvent::Lost);
     assert!(
         on(&rig.connect(), "info").is_some(),
         "the next connection tells of it, or does not"

@@ -1,7 +1,7 @@
 //! The `state` of a drive: everything that is known of it, in one retained JSON document.
 
-use super::points::Points;
-use super::slot::{Present, retained};
+use super::points::PublishedPoints;
+use super::slot::{RenderContext, retained};
 use crate::domain::command::Owner;
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
@@ -14,9 +14,9 @@ use crate::journal::trip;
 pub(super) use crate::journal::trip::active_text as active_trip_text;
 use crate::journal::trip::unit;
 use crate::north::broker::{Publication, Qos};
-use crate::north::clock::Clock;
+use crate::north::clock::LabelClock;
 use crate::north::shown;
-use crate::profile::model::{Confidence, Flag, Register};
+use crate::profile::model::{Confidence, IndicatedState, Register};
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
 use std::time::Duration;
@@ -28,7 +28,7 @@ const HOLD_OFF: Duration = Duration::from_millis(500);
 /// The content of a trip record, by the names of its registers.
 pub(super) fn record(
     drive: &DriveDescription,
-    clock: Clock,
+    clock: LabelClock,
     record: &TripRecord,
 ) -> Map<String, Value> {
     trip::record(drive, &|at| clock.text(at), record)
@@ -38,14 +38,14 @@ pub(super) fn record(
 #[derive(Debug)]
 pub(super) struct StateSlot {
     topic: String,
-    published: Option<Published>,
+    published: Option<PublishedState>,
     /// Something changed too soon after the last publication.
     is_held: bool,
 }
 
 /// What was published last.
 #[derive(Debug)]
-struct Published {
+struct PublishedState {
     at: MonoTime,
     view: Arc<DriveView>,
 }
@@ -70,10 +70,10 @@ impl StateSlot {
     /// The publication of `view`, if one is due.
     pub(super) fn offer(
         &mut self,
-        now: &Present,
+        now: &RenderContext,
         drive: &DriveDescription,
         view: &Arc<DriveView>,
-        points: &Points,
+        points: &PublishedPoints,
     ) -> Option<Publication> {
         self.is_held = false;
         if let Some(last) = &self.published {
@@ -87,7 +87,7 @@ impl StateSlot {
                 return None;
             }
         }
-        self.published = Some(Published {
+        self.published = Some(PublishedState {
             at: now.at,
             view: view.clone(),
         });
@@ -109,11 +109,11 @@ impl StateSlot {
 }
 
 fn has_changed(
-    now: &Present,
+    now: &RenderContext,
     drive: &DriveDescription,
-    last: &Published,
+    last: &PublishedState,
     view: &DriveView,
-    points: &Points,
+    points: &PublishedPoints,
 ) -> bool {
     let old = last.view.as_ref();
     let has_value_changed = |(place, register): (usize, &Register)| {
@@ -155,7 +155,7 @@ fn lease_until(view: &DriveView) -> Option<MonoTime> {
 }
 
 /// Whether the published end of the lease has passed and another one is valid.
-fn has_published_lease_ended(now: &Present, last: &Published, view: &DriveView) -> bool {
+fn has_published_lease_ended(now: &RenderContext, last: &PublishedState, view: &DriveView) -> bool {
     let old = lease_until(&last.view);
     let new = lease_until(view);
     old != new && old.is_some_and(|until| until <= now.at)
@@ -171,7 +171,12 @@ fn polled(drive: &DriveDescription) -> impl Iterator<Item = (usize, &Register)> 
         .filter(|(_, register)| register.poll.is_some())
 }
 
-fn document(now: &Present, drive: &DriveDescription, view: &DriveView, points: &Points) -> Value {
+fn document(
+    now: &RenderContext,
+    drive: &DriveDescription,
+    view: &DriveView,
+    points: &PublishedPoints,
+) -> Value {
     let value = |(place, register): (usize, &Register)| {
         let number = |it: ValueReading| points.value(place, it.value);
         (
@@ -183,7 +188,7 @@ fn document(now: &Present, drive: &DriveDescription, view: &DriveView, points: &
     json!({
         "at": now.clock.text(now.at),
         "online": view.is_online(),
-        "run_state": shown::answered_run_state(view).word(),
+        "run_state": shown::answered_run_state(view).keyword(),
         "run_state_confidence": run_state_confidence(drive),
         "may_still_run": view.sight.may_still_run,
         "last_seen": shown::last_seen(view, &now.clock),
@@ -204,7 +209,7 @@ fn document(now: &Present, drive: &DriveDescription, view: &DriveView, points: &
 
 fn watchdog(watchdog: &WatchdogView) -> Value {
     json!({
-        "state": watchdog.state.word(),
+        "state": watchdog.state.keyword(),
         "seconds": watchdog.time.map(|time| time.as_secs_f64()),
         "proven": watchdog.is_proven,
     })
@@ -214,13 +219,13 @@ fn watchdog(watchdog: &WatchdogView) -> Value {
 fn run_state_confidence(drive: &DriveDescription) -> &'static str {
     drive
         .model
-        .status_flag(Flag::Running)
+        .status_flag(IndicatedState::Running)
         .map_or(Confidence::Inferred, |flag| flag.confidence)
-        .word()
+        .keyword()
 }
 
 fn value(
-    now: &Present,
+    now: &RenderContext,
     drive: &DriveDescription,
     register: &Register,
     view: &DriveView,
@@ -231,11 +236,11 @@ fn value(
         "value": reading.map(number),
         "unit": unit(register),
         "at": reading.map(|it| now.clock.text(it.at)),
-        "quality": shown::quality(drive, register, view, now.at).word(),
+        "quality": shown::quality(drive, register, view, now.at).keyword(),
     })
 }
 
-fn trip_state(now: &Present, drive: &DriveDescription, view: &DriveView) -> Value {
+fn trip_state(now: &RenderContext, drive: &DriveDescription, view: &DriveView) -> Value {
     json!({
         "active": view.trip.active,
         "count": view.trip_kept.count,
@@ -246,7 +251,7 @@ fn trip_state(now: &Present, drive: &DriveDescription, view: &DriveView) -> Valu
 }
 
 /// `null` for a drive that shows no warnings; its parts are `null` while they are not known.
-fn warning_state(now: &Present, drive: &DriveDescription, view: &DriveView) -> Value {
+fn warning_state(now: &RenderContext, drive: &DriveDescription, view: &DriveView) -> Value {
     if drive.model.warning_register().is_none() {
         return Value::Null;
     }
@@ -258,7 +263,7 @@ fn warning_state(now: &Present, drive: &DriveDescription, view: &DriveView) -> V
     })
 }
 
-fn control(now: &Present, control: &ControlView) -> Value {
+fn control(now: &RenderContext, control: &ControlView) -> Value {
     let lease_until = control
         .lease
         .map(|(_, until)| until)
@@ -276,7 +281,7 @@ fn control(now: &Present, control: &ControlView) -> Value {
         "output_outside": control.output_outside,
         "stopped_elsewhere": control.stopped_elsewhere,
         "epoch": control.epoch,
-        "outcome": control.last.map(|report| report.outcome.word()),
-        "reason": control.last.map(|report| report.reason.word()),
+        "outcome": control.last.map(|report| report.outcome.keyword()),
+        "reason": control.last.map(|report| report.reason.keyword()),
     })
 }

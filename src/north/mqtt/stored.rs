@@ -2,13 +2,13 @@
 //! taken from it when there is room, in the order of their numbers, and those that the broker has are reported to it.
 
 use super::in_flight::{IN_FLIGHT_MAX, InFlight};
-use super::session::Session;
-use super::told::Mark;
-use super::types::Act;
+use super::session::MqttSession;
+use super::told::EventMark;
+use super::types::MqttAct;
 use crate::domain::time::MonoTime;
 use crate::journal::StoredEvent;
-use crate::north::broker::Refusal;
-use crate::north::clock::Moment;
+use crate::north::broker::PublicationRefusal;
+use crate::north::clock::ClockMoment;
 use serde_json::{Map, Value};
 use std::collections::VecDeque;
 
@@ -17,9 +17,9 @@ const WAITING_MAX: usize = 4 * IN_FLIGHT_MAX;
 
 /// The events that were taken from the journal.
 #[derive(Debug, Default)]
-pub(super) struct Stored {
+pub(super) struct StoredEvents {
     /// Topic and payload of each, and what tells it from others.
-    waiting: InFlight<(String, Vec<u8>, Mark)>,
+    waiting: InFlight<(String, Vec<u8>, EventMark)>,
     /// The highest number that was taken so far.
     newest: u64,
     /// The journal was asked for those after that.
@@ -32,7 +32,7 @@ pub(super) struct Stored {
     session: Option<String>,
 }
 
-impl Stored {
+impl StoredEvents {
     /// The path to the broker is open.
     pub(super) const fn opened(&mut self) {
         self.wants = true;
@@ -50,7 +50,7 @@ impl Stored {
         &mut self,
         events: &[StoredEvent],
         more: bool,
-        mut place: impl FnMut(&StoredEvent) -> Option<(String, Mark)>,
+        mut place: impl FnMut(&StoredEvent) -> Option<(String, EventMark)>,
     ) {
         if events.is_empty() {
             // A bell. Without `more`, what was requested arrives as soon as it exists.
@@ -83,7 +83,7 @@ impl Stored {
     pub(super) fn next(
         &mut self,
         at: MonoTime,
-        may: impl Fn(&Mark) -> bool,
+        may: impl Fn(&EventMark) -> bool,
     ) -> Option<(String, Vec<u8>, u64)> {
         let (seq, (topic, payload, _)) = self.waiting.next_of(at, |(_, _, mark)| may(mark))?;
         Some((topic.clone(), payload.clone(), seq))
@@ -91,7 +91,7 @@ impl Stored {
 
     /// Drops the oldest waiting event that `was_told` by another gateway: it is not to be published any more. True if
     /// there was one.
-    pub(super) fn drop_told(&mut self, mut was_told: impl FnMut(&Mark) -> bool) -> bool {
+    pub(super) fn drop_told(&mut self, mut was_told: impl FnMut(&EventMark) -> bool) -> bool {
         let dropped = self.waiting.drop_waiting(|(_, _, mark)| was_told(mark));
         self.taken.extend(dropped);
         dropped.is_some()
@@ -111,7 +111,7 @@ impl Stored {
 
     /// The broker refuses the event with this number. True if it is given up: it stays in the journal, marked as not to
     /// be published any more.
-    pub(super) fn refused(&mut self, at: MonoTime, seq: u64, refusal: Refusal) -> bool {
+    pub(super) fn refused(&mut self, at: MonoTime, seq: u64, refusal: PublicationRefusal) -> bool {
         let is_given_up = self.waiting.refused(at, seq, refusal).is_some();
         if is_given_up {
             self.taken.push_back(seq);
@@ -120,14 +120,14 @@ impl Stored {
     }
 
     /// When one that was refused is sent again.
-    pub(super) fn wake(&self, may: impl Fn(&Mark) -> bool) -> Option<MonoTime> {
+    pub(super) fn wake(&self, may: impl Fn(&EventMark) -> bool) -> Option<MonoTime> {
         self.waiting.again_at_of(|(_, _, mark)| may(mark))
     }
 
     /// The next request or report to the journal.
-    pub(super) fn next_act(&mut self) -> Option<Act> {
+    pub(super) fn next_act(&mut self) -> Option<MqttAct> {
         if let Some(seq) = self.taken.pop_front() {
-            return Some(Act::EventTaken(seq));
+            return Some(MqttAct::EventTaken(seq));
         }
         let asks = self.wants && !self.is_asked && self.waiting.len() <= IN_FLIGHT_MAX;
         if !asks {
@@ -135,7 +135,7 @@ impl Stored {
         }
         self.wants = false;
         self.is_asked = true;
-        Some(Act::WantEvents { after: self.newest })
+        Some(MqttAct::WantEvents { after: self.newest })
     }
 
     /// How many are not acknowledged.
@@ -144,14 +144,14 @@ impl Stored {
     }
 }
 
-impl Session {
+impl MqttSession {
     /// Takes events of the journal, which are published at `trip/event` until the broker has acknowledged them: then
-    /// [`Act::EventTaken`] is returned for each. Together they are what [`Act::WantEvents`] requested: the first of
+    /// [`MqttAct::EventTaken`] is returned for each. Together they are what [`MqttAct::WantEvents`] requested: the first of
     /// those that no broker has and whose numbers are higher, in rising order.
     ///
     /// Anything else is ignored. A journal that has something not yet requested rings with no events and `more`; a
     /// request that cannot be answered yet stays open until it can.
-    pub fn stored_events(&mut self, at: Moment, events: &[StoredEvent], more: bool) {
+    pub fn stored_events(&mut self, at: ClockMoment, events: &[StoredEvent], more: bool) {
         self.clock.see(at);
         let (topics, told) = (&self.topics, &mut self.told);
         let has_pair = self.half.pair().is_some();
@@ -159,14 +159,14 @@ impl Session {
         self.stored.take(events, more, |event| {
             let topic = topics.drive(event.drive.as_str(), "trip/event");
             if !has_pair {
-                return Some((topic, Mark::default()));
+                return Some((topic, EventMark::default()));
             }
             let body: Map<String, Value> = serde_json::from_str(&event.body).unwrap_or_default();
             session = body
                 .get("session")
                 .and_then(Value::as_str)
                 .map(str::to_owned);
-            let mark = Mark::of(event.drive.as_str(), &body);
+            let mark = EventMark::of(event.drive.as_str(), &body);
             (!told.take(at.mono, &mark)).then_some((topic, mark))
         });
         self.stored.session = session.or(self.stored.session.take());
@@ -187,12 +187,12 @@ mod tests {
         }
     }
 
-    fn place() -> Option<(String, Mark)> {
-        Some((String::new(), Mark::default()))
+    fn place() -> Option<(String, EventMark)> {
+        Some((String::new(), EventMark::default()))
     }
 
     /// The journal returns this many of its `kept` events after `after`.
-    fn answer(stored: &mut Stored, kept: &[u64], after: u64, most: usize) {
+    fn answer(stored: &mut StoredEvents, kept: &[u64], after: u64, most: usize) {
         let behind: Vec<_> = kept
             .iter()
             .filter(|seq| **seq > after)
@@ -202,9 +202,9 @@ mod tests {
         stored.take(given, given.len() < behind.len(), |_| place());
     }
 
-    fn wanted(stored: &mut Stored) -> Option<u64> {
+    fn wanted(stored: &mut StoredEvents) -> Option<u64> {
         stored.next_act().map(|act| {
-            if let Act::WantEvents { after } = act {
+            if let MqttAct::WantEvents { after } = act {
                 after
             } else {
                 panic!("{act:?}")
@@ -212,14 +212,14 @@ mod tests {
         })
     }
 
-    fn sent(stored: &mut Stored) -> Vec<u64> {
+    fn sent(stored: &mut StoredEvents) -> Vec<u64> {
         std::iter::from_fn(|| stored.next(MonoTime::ZERO, |_| true).map(|(_, _, seq)| seq))
             .collect()
     }
 
     #[test]
     fn it_asks_when_there_is_room_and_never_twice_for_one_answer() {
-        let mut stored = Stored::default();
+        let mut stored = StoredEvents::default();
         let kept = (1..=100).collect::<Vec<_>>();
         assert_eq!(wanted(&mut stored), None, "no way is open");
         stored.opened();
@@ -243,18 +243,18 @@ mod tests {
             sent(&mut stored);
         });
         let acts: Vec<_> = std::iter::from_fn(|| stored.next_act()).collect();
-        let taken = (1..=48).map(Act::EventTaken);
+        let taken = (1..=48).map(MqttAct::EventTaken);
         assert_eq!(
             acts,
             taken
-                .chain([Act::WantEvents { after: 64 }])
+                .chain([MqttAct::WantEvents { after: 64 }])
                 .collect::<Vec<_>>()
         );
     }
 
     #[test]
     fn what_was_not_asked_for_is_a_bell() {
-        let mut stored = Stored::default();
+        let mut stored = StoredEvents::default();
         stored.take(&[event(7)], false, |_| place());
         assert_eq!(stored.len(), 0);
         stored.opened();

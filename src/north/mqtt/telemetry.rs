@@ -2,18 +2,18 @@
 //! views are walked on each request for the next publication.
 
 use super::drive_topics::DriveTopics;
-use super::history::History;
-use super::line_topics::{Info, LineTopics, infos};
-use super::slot::{Content, Present, Slot, retained};
-use super::topics::Topics;
-use super::types::{Settings, Tree};
+use super::history::ChangeHistory;
+use super::line_topics::{InfoTopic, LineTopics, infos};
+use super::slot::{RenderContext, TopicContent, TopicSlot, retained};
+use super::topics::MqttTopics;
+use super::types::{Settings, TopicTree};
 use crate::domain::ids::Name;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::ValueReading;
 use crate::drive::view::DriveView;
-use crate::north::broker::{LineState, Publication, Qos, Version};
-use crate::north::clock::Clock;
+use crate::north::broker::{MqttVersion, Publication, Qos, SessionLine};
+use crate::north::clock::LabelClock;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
@@ -24,7 +24,7 @@ const GONE_MAX: usize = 4096;
 
 /// For what one of several gateways of a name speaks. The default: it is the only one.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Spoken {
+pub(super) struct SpokenShare {
     /// Not for what concerns no single line.
     pub(super) is_led: bool,
     /// Not for the gateway as a whole.
@@ -35,7 +35,7 @@ pub(super) struct Spoken {
     pub(super) drives: Option<Vec<bool>>,
 }
 
-impl Spoken {
+impl SpokenShare {
     fn line(&self, place: usize) -> bool {
         self.lines
             .as_ref()
@@ -51,14 +51,14 @@ impl Spoken {
 
 /// All retained topics of the gateway.
 #[derive(Debug)]
-pub(super) struct Telemetry {
+pub(super) struct TelemetryTopics {
     heartbeat: Duration,
     /// Whether the broker may be given an expiry for telemetry.
     expires: bool,
     /// What the gateway and its drives are.
-    infos: Vec<Info>,
+    infos: Vec<InfoTopic>,
     is_info_wanted: bool,
-    status: Slot,
+    status: TopicSlot,
     lines: Vec<LineTopics>,
     drives: Vec<DriveTopics>,
     /// Topics that the gateway no longer has or does not publish. They are cleared after each connection: a broker may
@@ -67,25 +67,25 @@ pub(super) struct Telemetry {
     /// How many of them are cleared on this connection.
     cleared: usize,
     /// For what this gateway speaks.
-    spoken: Spoken,
+    spoken: SpokenShare,
     /// The position of the walk: 0 the information, then the lines, then the drives.
     place: usize,
 }
 
-impl Telemetry {
+impl TelemetryTopics {
     pub(super) fn new(
         settings: &Settings,
-        topics: &Topics,
+        topics: &MqttTopics,
         drives: &[DriveDescription],
         lines: &[Name],
         started: &str,
     ) -> Self {
         let mut telemetry = Self {
             heartbeat: settings.heartbeat,
-            expires: settings.version == Version::V5,
+            expires: settings.version == MqttVersion::V5,
             infos: infos(settings, topics, drives, lines, started),
-            is_info_wanted: settings.publish.contains(&Tree::Info),
-            status: Slot::new(topics.gateway("status")),
+            is_info_wanted: settings.publish.contains(&TopicTree::Info),
+            status: TopicSlot::new(topics.gateway("status")),
             lines: line_topics(settings, topics, drives, lines),
             drives: drives
                 .iter()
@@ -93,7 +93,7 @@ impl Telemetry {
                 .collect(),
             gone: Vec::new(),
             cleared: 0,
-            spoken: Spoken::default(),
+            spoken: SpokenShare::default(),
             place: 0,
         };
         telemetry.clear_all_but_own(telemetry.left_out(settings, topics, drives, lines));
@@ -105,7 +105,7 @@ impl Telemetry {
     pub(super) fn replace(
         &mut self,
         settings: &Settings,
-        topics: &Topics,
+        topics: &MqttTopics,
         (old, new): (&[DriveDescription], &[DriveDescription]),
         lines: &[Name],
         started: &str,
@@ -150,7 +150,7 @@ impl Telemetry {
     fn left_out(
         &self,
         settings: &Settings,
-        topics: &Topics,
+        topics: &MqttTopics,
         drives: &[DriveDescription],
         lines: &[Name],
     ) -> Vec<String> {
@@ -162,7 +162,7 @@ impl Telemetry {
                 left_out.extend(line.topics().map(str::to_owned));
             }
         }
-        if !settings.publish.contains(&Tree::Info) {
+        if !settings.publish.contains(&TopicTree::Info) {
             left_out.extend(self.infos.iter().map(|info| info.topic.clone()));
         }
         left_out
@@ -196,7 +196,7 @@ impl Telemetry {
             .collect()
     }
 
-    fn clear_next(&mut self, now: &Present) -> Option<Publication> {
+    fn clear_next(&mut self, now: &RenderContext) -> Option<Publication> {
         if self.spoken.is_led {
             return None;
         }
@@ -216,7 +216,7 @@ impl Telemetry {
     }
 
     /// Speaks for these from now on. What it begins to speak for is published.
-    pub(super) fn speak(&mut self, spoken: Spoken) {
+    pub(super) fn speak(&mut self, spoken: SpokenShare) {
         let before = std::mem::replace(&mut self.spoken, spoken);
         let now = &self.spoken;
         let lines = self
@@ -267,12 +267,12 @@ impl Telemetry {
     /// Keeps changes in `history` while there is no broker to publish to. Returns how many were dropped for them.
     pub(super) fn record(
         &mut self,
-        (at, clock): (MonoTime, Clock),
+        (at, clock): (MonoTime, LabelClock),
         drives: &[DriveDescription],
         views: &[Arc<DriveView>],
-        history: &mut History,
+        history: &mut ChangeHistory,
     ) -> u64 {
-        let now = Present {
+        let now = RenderContext {
             at,
             clock,
             heartbeat: self.heartbeat,
@@ -295,12 +295,12 @@ impl Telemetry {
     pub(super) fn next(
         &mut self,
         at: MonoTime,
-        clock: Clock,
+        clock: LabelClock,
         drives: &[DriveDescription],
         views: &[Arc<DriveView>],
-        lines: &[LineState],
+        lines: &[SessionLine],
     ) -> Option<Publication> {
-        let now = Present {
+        let now = RenderContext {
             at,
             clock,
             heartbeat: self.heartbeat,
@@ -322,7 +322,7 @@ impl Telemetry {
         }
         let is_due = self
             .status
-            .offer(&now, Content::Text("online".into()), |_, _| true)
+            .offer(&now, TopicContent::Text("online".into()), |_, _| true)
             .is_some();
         is_due.then(|| {
             self.status
@@ -332,10 +332,10 @@ impl Telemetry {
 
     fn at_place(
         &mut self,
-        now: &Present,
+        now: &RenderContext,
         drives: &[DriveDescription],
         views: &[Arc<DriveView>],
-        lines: &[LineState],
+        lines: &[SessionLine],
     ) -> Option<Publication> {
         let Some(place) = self.place.checked_sub(1) else {
             return self.take_info();
@@ -385,11 +385,11 @@ impl Telemetry {
 /// The topics of the lines; none if they are not published.
 fn line_topics(
     settings: &Settings,
-    topics: &Topics,
+    topics: &MqttTopics,
     drives: &[DriveDescription],
     lines: &[Name],
 ) -> Vec<LineTopics> {
-    if !settings.publish.contains(&Tree::Line) {
+    if !settings.publish.contains(&TopicTree::Line) {
         return Vec::new();
     }
     lines

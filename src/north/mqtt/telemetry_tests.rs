@@ -1,26 +1,26 @@
 //! What is published of the drives, when, and when it is taken back.
 
-use super::harness::{Rig, Staged, idle_control, on, publications, told};
-use super::types::Act;
+use super::harness::{Rig, Staged, idle_control, on, publications, published_texts};
+use super::types::MqttAct;
 use crate::domain::command::{Outcome, Owner, Reason, Report, RunIntent};
 use crate::domain::counts::ExchangeCounts;
 use crate::domain::frequency::Hertz;
 use crate::domain::native::{NativeAnswer, NativeOutcome};
 use crate::domain::report::{LineFault, LineState, ReplyReport, StationReport};
 use crate::domain::time::MonoTime;
-use crate::drive::snapshot::Presence;
+use crate::drive::snapshot::DrivePresence;
 use crate::drive::view::{RunState, TripRecord};
-use crate::north::broker::Version;
+use crate::north::broker::MqttVersion;
 use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::Duration;
 
-fn state(acts: &[Act]) -> Option<Value> {
+fn state(acts: &[MqttAct]) -> Option<Value> {
     on(acts, "drive/pump/state").map(|text| serde_json::from_str(&text).expect("JSON"))
 }
 
 /// The drive continues to answer for this long.
-fn polled(rig: &mut Rig, millis: u64, output: u16) -> Vec<Act> {
+fn polled(rig: &mut Rig, millis: u64, output: u16) -> Vec<MqttAct> {
     let mut all = Vec::new();
     for _ in 0..millis / 500 {
         all.extend(rig.pass(500));
@@ -32,7 +32,7 @@ fn polled(rig: &mut Rig, millis: u64, output: u16) -> Vec<Act> {
 
 #[test]
 fn a_change_is_published_from_its_dead_band_on() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     rig.pass(1_000);
     for (output, expected) in [
         (3_049, None),
@@ -65,9 +65,9 @@ fn a_change_is_published_from_its_dead_band_on() {
 
 #[test]
 fn what_does_not_change_comes_with_the_heartbeat_only() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let quiet = polled(&mut rig, 59_500, 3_000);
-    let only_stats = told(&quiet);
+    let only_stats = published_texts(&quiet);
     assert_eq!(only_stats, [], "nothing changed");
     let again = polled(&mut rig, 1_000, 3_000);
     for topic in [
@@ -88,9 +88,9 @@ fn what_does_not_change_comes_with_the_heartbeat_only() {
 
 #[test]
 fn a_stale_value_is_cleared_once_and_comes_back_when_fresh() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     // Polled every 500 ms: stale after 1.5 s; the slow ones after 6 s.
-    assert_eq!(told(&rig.pass(1_499)), []);
+    assert_eq!(published_texts(&rig.pass(1_499)), []);
     let acts = rig.pass(1);
     assert_eq!(
         on(&acts, "drive/pump/frequency/output").as_deref(),
@@ -124,7 +124,7 @@ fn a_stale_value_is_cleared_once_and_comes_back_when_fresh() {
 #[test]
 fn an_offline_drive_says_so_and_its_run_state_is_unknown() {
     for is_line_down in [true, false] {
-        let mut rig = Rig::born(Version::V5);
+        let mut rig = Rig::born(MqttVersion::V5);
         rig.views[0].run_state = RunState::Forward;
         assert_eq!(
             on(&rig.acts(), "drive/pump/run/state").as_deref(),
@@ -133,7 +133,7 @@ fn an_offline_drive_says_so_and_its_run_state_is_unknown() {
         if is_line_down {
             rig.views[0].line_is_up = false;
         } else {
-            rig.views[0].snapshot.presence = Presence::Offline;
+            rig.views[0].snapshot.presence = DrivePresence::Offline;
         }
         let acts = rig.pass(500);
         assert_eq!(
@@ -150,7 +150,7 @@ fn an_offline_drive_says_so_and_its_run_state_is_unknown() {
 
 #[test]
 fn the_state_comes_at_most_twice_a_second() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let mut states = 0;
     for step in 0..110 {
         rig.poll(0, 3_000 + 100 * step);
@@ -165,7 +165,7 @@ fn the_state_comes_at_most_twice_a_second() {
 
 #[test]
 fn the_state_says_all_that_is_known() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let owner_until = MonoTime::from_millis(31_000);
     rig.views[0].control = Some(crate::drive::view::ControlView {
         lease: Some((Owner::Mqtt, owner_until)),
@@ -199,7 +199,7 @@ fn the_state_says_all_that_is_known() {
 
 #[test]
 fn a_renewed_lease_alone_is_no_news_until_the_published_end_is_past() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let lease = |rig: &mut Rig| {
         let until = MonoTime::from_millis(rig.millis + 30_000);
         rig.views[0].control = Some(crate::drive::view::ControlView {
@@ -221,7 +221,7 @@ fn a_renewed_lease_alone_is_no_news_until_the_published_end_is_past() {
 
 #[test]
 fn a_trip_is_shown_with_its_record_and_taken_back() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let at = rig.now();
     rig.views[0].trip.active = Some(true);
     rig.views[0].trip.last = Some(TripRecord {
@@ -255,14 +255,14 @@ fn a_trip_is_shown_with_its_record_and_taken_back() {
 
 #[test]
 fn a_line_says_why_it_is_down_and_its_counters_come_every_ten_seconds() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     rig.pass(1_000);
     rig.lines[0].report.state = LineState::Down;
     rig.lines[0].report.fault = Some(LineFault::Gone);
     rig.lines[0].report.counters.silent = 5;
     let acts = rig.acts();
     assert_eq!(
-        told(&acts),
+        published_texts(&acts),
         [(
             "line/hall/status".to_owned(),
             "down: the device is gone".to_owned()
@@ -277,7 +277,7 @@ fn a_line_says_why_it_is_down_and_its_counters_come_every_ten_seconds() {
 
 #[test]
 fn a_line_shows_what_was_planned_beside_what_was_measured() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     let report = &mut rig.lines[0].report;
     report.planned_use_per_mille = 625;
     report.stop.one_silent = Duration::from_micros(560_001);
@@ -328,7 +328,7 @@ fn a_line_shows_what_was_planned_beside_what_was_measured() {
 
 #[test]
 fn a_parameter_is_published_when_it_was_asked_for_and_cleared_when_old() {
-    let mut rig = Rig::born(Version::V4);
+    let mut rig = Rig::born(MqttVersion::V4);
     let answer = |rig: &mut Rig| {
         let acts = rig.send("drive/pump/param/f007/get", b"");
         let ticket = super::harness::reads(&acts)[0].ticket;
@@ -353,7 +353,7 @@ fn a_parameter_is_published_when_it_was_asked_for_and_cleared_when_old() {
             json!({ "F007": 10.5 })
         );
     }
-    rig.handle(crate::north::broker::Event::Lost);
+    rig.handle(crate::north::broker::BrokerEvent::Lost);
     assert_eq!(
         on(&rig.connect(), "drive/pump/param/F007").as_deref(),
         Some("10.5"),
@@ -367,7 +367,7 @@ fn a_parameter_is_published_when_it_was_asked_for_and_cleared_when_old() {
 
 #[test]
 fn pictures_that_change_while_they_are_walked_are_shown_in_the_end() {
-    let mut rig = Rig::born(Version::V5);
+    let mut rig = Rig::born(MqttVersion::V5);
     rig.poll(0, 4_000);
     let first: Vec<_> = rig.views.iter().cloned().map(Arc::new).collect();
     let act = rig

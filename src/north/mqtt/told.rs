@@ -17,7 +17,7 @@ const HEARD_FOR: Duration = Duration::from_secs(60);
 
 /// What tells an event from others of the same drive.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Mark {
+pub(super) struct EventMark {
     drive: String,
     kind: String,
     count: Value,
@@ -27,7 +27,7 @@ pub(super) struct Mark {
     while_away: bool,
 }
 
-impl Mark {
+impl EventMark {
     /// The mark of an event with this body. A body without drive or kind is like no other.
     pub(super) fn of(drive: &str, body: &Map<String, Value>) -> Self {
         let value = |key: &str| body.get(key).cloned().unwrap_or_default();
@@ -88,15 +88,15 @@ impl Mark {
 
 /// What other gateways have published and was not seen here yet.
 #[derive(Debug, Default)]
-pub(super) struct Told {
-    heard: VecDeque<(MonoTime, Mark)>,
+pub(super) struct PeerEvents {
+    heard: VecDeque<(MonoTime, EventMark)>,
     /// The last trip of each drive as the broker had it when this gateway connected.
     last: BTreeMap<String, Map<String, Value>>,
 }
 
-impl Told {
+impl PeerEvents {
     /// Remembers an event that another gateway has published and that no event of ours is known to be.
-    pub(super) fn remember(&mut self, at: MonoTime, mark: Mark) {
+    pub(super) fn remember(&mut self, at: MonoTime, mark: EventMark) {
         self.heard
             .retain(|(heard_at, mark)| mark.count.is_number() || at.since(*heard_at) < HEARD_FOR);
         if self.heard.len() >= HEARD_MAX {
@@ -113,8 +113,8 @@ impl Told {
     }
 
     /// Whether an event of ours that comes now was already published by another gateway, which is forgotten then.
-    pub(super) fn take(&mut self, at: MonoTime, own: &Mark) -> bool {
-        let is_it = |(heard_at, mark): &(MonoTime, Mark)| {
+    pub(super) fn take(&mut self, at: MonoTime, own: &EventMark) -> bool {
+        let is_it = |(heard_at, mark): &(MonoTime, EventMark)| {
             if at.since(*heard_at) < HEARD_FOR {
                 mark.is_same(own)
             } else {
@@ -129,7 +129,7 @@ impl Told {
     }
 
     /// Whether an event of ours is the last trip of its drive, as the broker had it. That trip is forgotten then.
-    pub(super) fn take_last(&mut self, own: &Mark) -> bool {
+    pub(super) fn take_last(&mut self, own: &EventMark) -> bool {
         let is_last = self
             .last
             .get(own.drive())
@@ -148,8 +148,8 @@ mod tests {
     use super::*;
     use serde_json::json;
 
-    fn mark(body: &Value) -> Mark {
-        Mark::of("pump", body.as_object().unwrap())
+    fn mark(body: &Value) -> EventMark {
+        EventMark::of("pump", body.as_object().unwrap())
     }
 
     #[test]
@@ -170,7 +170,7 @@ mod tests {
         ] {
             assert_eq!(trip.is_same(&mark(&other)), is_same, "{other}");
         }
-        let of_another = Mark::of(
+        let of_another = EventMark::of(
             "fan",
             json!({ "kind": "tripped", "count": 3, "code": 9 })
                 .as_object()
@@ -195,7 +195,7 @@ mod tests {
             (json!({}), true),
             (json!({ "a": 2 }), false),
         ] {
-            let mut told = Told::default();
+            let mut told = PeerEvents::default();
             told.remember(at(0), trip(json!({ "a": 1 })));
             told.remember(at(300_000), mark(&json!({ "kind": "cleared" })));
             assert_eq!(told.take(at(600_000), &trip(own.clone())), is_told, "{own}");
@@ -204,7 +204,7 @@ mod tests {
 
     #[test]
     fn each_heard_event_stands_for_one_of_ours_for_a_minute() {
-        let mut told = Told::default();
+        let mut told = PeerEvents::default();
         let cleared = mark(&json!({ "kind": "cleared" }));
         let at = MonoTime::from_millis;
         told.remember(at(0), cleared.clone());
@@ -245,7 +245,7 @@ mod tests {
             ),
             (json!({ "kind": "cleared", "count": 1 }), false),
         ] {
-            let mut told = Told::default();
+            let mut told = PeerEvents::default();
             told.remember_last("pump", record.as_object().unwrap().clone());
             assert_eq!(told.take(MonoTime::ZERO, &mark(&own)), is_it, "{own}");
             assert!(!told.take(MonoTime::ZERO, &mark(&own)), "once");

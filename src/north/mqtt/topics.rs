@@ -2,11 +2,11 @@
 
 use super::types::Settings;
 use crate::domain::ids::Name;
-use crate::north::broker::{Filter, Qos};
+use crate::north::broker::{Qos, SubscriptionFilter};
 
 /// All topics of one gateway.
 #[derive(Debug)]
-pub(super) struct Topics {
+pub(super) struct MqttTopics {
     prefix: String,
     /// `PREFIX/GATEWAY/`.
     base: String,
@@ -19,7 +19,7 @@ pub(super) struct Topics {
 
 /// What a message's topic is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Inbound<'t> {
+pub(super) enum MqttInbound<'t> {
     /// Our own probe.
     Probe,
     /// The heartbeat of the clients.
@@ -29,12 +29,12 @@ pub(super) enum Inbound<'t> {
     /// An input of a drive.
     Drive(InputAddress<'t>),
     /// What one of several gateways of the name tells.
-    Told(Told<'t>),
+    Told(PeerTopic<'t>),
 }
 
 /// What the gateways of one name tell, so that each of them hears it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Told<'t> {
+pub(super) enum PeerTopic<'t> {
     /// Whether the gateway is online.
     Status,
     /// What the one of this name says of itself.
@@ -53,12 +53,12 @@ pub(super) struct InputAddress<'t> {
     /// The name of the drive, which may not exist.
     pub(super) drive: &'t str,
     /// The input.
-    pub(super) input: Input<'t>,
+    pub(super) input: DriveInput<'t>,
 }
 
 /// An input of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Input<'t> {
+pub(super) enum DriveInput<'t> {
     Frequency,
     Run,
     Reset,
@@ -70,7 +70,7 @@ pub(super) enum Input<'t> {
     ParamSet(&'t str),
 }
 
-impl Input<'_> {
+impl DriveInput<'_> {
     /// Whether an empty payload has a meaning. Elsewhere it clears a retained message.
     pub(super) const fn takes_empty(self) -> bool {
         matches!(self, Self::Lease | Self::ParamGet(_))
@@ -87,7 +87,7 @@ impl Input<'_> {
     }
 }
 
-impl Topics {
+impl MqttTopics {
     pub(super) fn new(settings: &Settings) -> Self {
         let base = format!("{}/{}/", settings.prefix, settings.gateway);
         Self {
@@ -101,7 +101,7 @@ impl Topics {
 
     /// What is subscribed: inputs only, so that none of our publications is delivered to us; with another gateway of the
     /// name also what both tell.
-    pub(super) fn filters(&self) -> Vec<Filter> {
+    pub(super) fn filters(&self) -> Vec<SubscriptionFilter> {
         /// The shared topic, and that of each client with topics of its own.
         const ORDERS: [&str; 8] = [
             "run/set",
@@ -122,7 +122,7 @@ impl Topics {
             .map(|rest| self.filter(self.gateway(&rest), false));
         // What the alive topic said while we were disconnected is valid.
         let alive = self.alive.clone().map(|path| self.filter(path, true));
-        let mut filters: Vec<Filter> = inputs.chain(alive).collect();
+        let mut filters: Vec<SubscriptionFilter> = inputs.chain(alive).collect();
         if self.half.is_some() {
             let told = [
                 "status",
@@ -136,8 +136,8 @@ impl Topics {
     }
 
     /// The subscription of `path`.
-    pub(super) const fn filter(&self, path: String, wants_retained: bool) -> Filter {
-        Filter {
+    pub(super) const fn filter(&self, path: String, wants_retained: bool) -> SubscriptionFilter {
+        SubscriptionFilter {
             path,
             qos: self.qos,
             wants_retained,
@@ -175,16 +175,16 @@ impl Topics {
     }
 
     /// What `topic` is for; `None` if it is none of those that are subscribed.
-    pub(super) fn parse<'t>(&self, topic: &'t str) -> Option<Inbound<'t>> {
+    pub(super) fn parse<'t>(&self, topic: &'t str) -> Option<MqttInbound<'t>> {
         if self.alive.as_deref() == Some(topic) {
-            return Some(Inbound::Alive);
+            return Some(MqttInbound::Alive);
         }
         let rest = topic.strip_prefix(self.base.as_str())?;
-        let told = self.half.as_ref().and_then(|_| told(rest));
+        let told = self.half.as_ref().and_then(|_| parse_peer_topic(rest));
         if rest == "probe" {
-            Some(Inbound::Probe)
+            Some(MqttInbound::Probe)
         } else {
-            told.map(Inbound::Told).or_else(|| command(rest))
+            told.map(MqttInbound::Told).or_else(|| command(rest))
         }
     }
 
@@ -214,30 +214,30 @@ impl Topics {
 }
 
 /// The input in the levels after the gateway's name.
-fn command(rest: &str) -> Option<Inbound<'_>> {
+fn command(rest: &str) -> Option<MqttInbound<'_>> {
     if rest == "all/run/set" {
-        return Some(Inbound::AllRun);
+        return Some(MqttInbound::AllRun);
     }
     let Some(rest) = rest.strip_prefix("by/") else {
-        return Some(Inbound::Drive(place(None, rest)?));
+        return Some(MqttInbound::Drive(place(None, rest)?));
     };
     let (by, rest) = rest.split_once('/')?;
     let place = place(Some(by), rest)?;
-    (!place.input.only_reads()).then_some(Inbound::Drive(place))
+    (!place.input.only_reads()).then_some(MqttInbound::Drive(place))
 }
 
 /// What is published in the levels after the gateway's name.
-fn told(rest: &str) -> Option<Told<'_>> {
+fn parse_peer_topic(rest: &str) -> Option<PeerTopic<'_>> {
     if rest == "status" {
-        return Some(Told::Status);
+        return Some(PeerTopic::Status);
     }
     if let Some(half) = rest.strip_prefix("standby/") {
-        return Some(Told::Standby(half));
+        return Some(PeerTopic::Standby(half));
     }
     let (drive, what) = rest.strip_prefix("drive/")?.split_once('/')?;
     match what {
-        "trip/event" => Some(Told::Event(drive)),
-        "trip/last" => Some(Told::Last(drive)),
+        "trip/event" => Some(PeerTopic::Event(drive)),
+        "trip/last" => Some(PeerTopic::Last(drive)),
         _ => None,
     }
 }
@@ -251,24 +251,24 @@ fn place<'t>(by: Option<&'t str>, rest: &'t str) -> Option<InputAddress<'t>> {
     })
 }
 
-fn drive_input(rest: &str) -> Option<Input<'_>> {
+fn drive_input(rest: &str) -> Option<DriveInput<'_>> {
     match rest {
-        "frequency/set" => Some(Input::Frequency),
-        "run/set" => Some(Input::Run),
-        "trip/reset" => Some(Input::Reset),
-        "control/take" => Some(Input::Take),
-        "control/release" => Some(Input::Release),
-        "command" => Some(Input::Command),
-        "lease" => Some(Input::Lease),
+        "frequency/set" => Some(DriveInput::Frequency),
+        "run/set" => Some(DriveInput::Run),
+        "trip/reset" => Some(DriveInput::Reset),
+        "control/take" => Some(DriveInput::Take),
+        "control/release" => Some(DriveInput::Release),
+        "command" => Some(DriveInput::Command),
+        "lease" => Some(DriveInput::Lease),
         _ => param(rest.strip_prefix("param/")?),
     }
 }
 
-fn param(rest: &str) -> Option<Input<'_>> {
+fn param(rest: &str) -> Option<DriveInput<'_>> {
     let (code, way) = rest.split_once('/')?;
     match way {
-        "get" => Some(Input::ParamGet(code)),
-        "set" => Some(Input::ParamSet(code)),
+        "get" => Some(DriveInput::ParamGet(code)),
+        "set" => Some(DriveInput::ParamSet(code)),
         _ => None,
     }
 }
@@ -276,23 +276,23 @@ fn param(rest: &str) -> Option<Input<'_>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::north::broker::Version;
+    use crate::north::broker::MqttVersion;
     use crate::north::mqtt::harness::settings;
 
-    fn topics() -> Topics {
-        Topics::new(&settings(Version::V5))
+    fn topics() -> MqttTopics {
+        MqttTopics::new(&settings(MqttVersion::V5))
     }
 
-    fn everybody(input: Input<'_>) -> Option<Inbound<'_>> {
-        Some(Inbound::Drive(InputAddress {
+    fn everybody(input: DriveInput<'_>) -> Option<MqttInbound<'_>> {
+        Some(MqttInbound::Drive(InputAddress {
             by: None,
             drive: "pump",
             input,
         }))
     }
 
-    fn own(input: Input<'_>) -> Option<Inbound<'_>> {
-        Some(Inbound::Drive(InputAddress {
+    fn own(input: DriveInput<'_>) -> Option<MqttInbound<'_>> {
+        Some(MqttInbound::Drive(InputAddress {
             by: Some("plc-2"),
             drive: "pump",
             input,
@@ -303,52 +303,70 @@ mod tests {
     fn inputs_are_distinguished_and_nothing_else_is_one() {
         let topics = topics();
         let table = [
-            ("vfd/plant/probe", Some(Inbound::Probe)),
-            ("home/status", Some(Inbound::Alive)),
-            ("vfd/plant/all/run/set", Some(Inbound::AllRun)),
-            ("vfd/plant/drive/pump/run/set", everybody(Input::Run)),
+            ("vfd/plant/probe", Some(MqttInbound::Probe)),
+            ("home/status", Some(MqttInbound::Alive)),
+            ("vfd/plant/all/run/set", Some(MqttInbound::AllRun)),
+            ("vfd/plant/drive/pump/run/set", everybody(DriveInput::Run)),
             (
                 "vfd/plant/drive/pump/frequency/set",
-                everybody(Input::Frequency),
+                everybody(DriveInput::Frequency),
             ),
-            ("vfd/plant/drive/pump/trip/reset", everybody(Input::Reset)),
+            (
+                "vfd/plant/drive/pump/trip/reset",
+                everybody(DriveInput::Reset),
+            ),
             (
                 "vfd/plant/drive/pump/control/release",
-                everybody(Input::Release),
+                everybody(DriveInput::Release),
             ),
-            ("vfd/plant/drive/pump/command", everybody(Input::Command)),
-            ("vfd/plant/drive/pump/lease", everybody(Input::Lease)),
+            (
+                "vfd/plant/drive/pump/command",
+                everybody(DriveInput::Command),
+            ),
+            ("vfd/plant/drive/pump/lease", everybody(DriveInput::Lease)),
             (
                 "vfd/plant/drive/pump/param/F007/get",
-                everybody(Input::ParamGet("F007")),
+                everybody(DriveInput::ParamGet("F007")),
             ),
             (
                 "vfd/plant/drive/pump/param/F007/set",
-                everybody(Input::ParamSet("F007")),
+                everybody(DriveInput::ParamSet("F007")),
             ),
-            ("vfd/plant/drive/pump/control/take", everybody(Input::Take)),
-            ("vfd/plant/by/plc-2/drive/pump/run/set", own(Input::Run)),
+            (
+                "vfd/plant/drive/pump/control/take",
+                everybody(DriveInput::Take),
+            ),
+            (
+                "vfd/plant/by/plc-2/drive/pump/run/set",
+                own(DriveInput::Run),
+            ),
             (
                 "vfd/plant/by/plc-2/drive/pump/frequency/set",
-                own(Input::Frequency),
+                own(DriveInput::Frequency),
             ),
             (
                 "vfd/plant/by/plc-2/drive/pump/trip/reset",
-                own(Input::Reset),
+                own(DriveInput::Reset),
             ),
             (
                 "vfd/plant/by/plc-2/drive/pump/control/take",
-                own(Input::Take),
+                own(DriveInput::Take),
             ),
             (
                 "vfd/plant/by/plc-2/drive/pump/control/release",
-                own(Input::Release),
+                own(DriveInput::Release),
             ),
-            ("vfd/plant/by/plc-2/drive/pump/command", own(Input::Command)),
-            ("vfd/plant/by/plc-2/drive/pump/lease", own(Input::Lease)),
+            (
+                "vfd/plant/by/plc-2/drive/pump/command",
+                own(DriveInput::Command),
+            ),
+            (
+                "vfd/plant/by/plc-2/drive/pump/lease",
+                own(DriveInput::Lease),
+            ),
             (
                 "vfd/plant/by/plc-2/drive/pump/param/F007/set",
-                own(Input::ParamSet("F007")),
+                own(DriveInput::ParamSet("F007")),
             ),
             ("vfd/plant/by/plc-2/drive/pump/param/F007/get", None),
             ("vfd/plant/by/plc-2/all/run/set", None),

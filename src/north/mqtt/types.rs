@@ -4,8 +4,8 @@ pub use crate::domain::control::LeaseMode;
 use crate::domain::ids::Name;
 use crate::domain::standby::StandbyPair;
 use crate::drive::description::DriveRef;
-use crate::journal::Attempt;
-use crate::north::broker::{Filter, Publication, Qos, ToLine, Version};
+use crate::journal::WriteAttempt;
+use crate::north::broker::{MqttVersion, Publication, Qos, SubscriptionFilter, ToLine};
 use std::time::Duration;
 
 /// Settings of the MQTT side.
@@ -18,7 +18,7 @@ pub struct Settings {
     /// Which of several gateways of this name it is; `None` if it is the only one.
     pub standby: Option<StandbyPair>,
     /// Protocol version of the connection.
-    pub version: Version,
+    pub version: MqttVersion,
     /// Interval after which an unchanged value is published again.
     pub heartbeat: Duration,
     /// At which quality of service the inputs are subscribed.
@@ -38,7 +38,7 @@ pub struct Settings {
     /// Most changes of telemetry that are kept while the broker is away; 0: none.
     pub keep_telemetry: usize,
     /// What is published besides what always is: availability, status, results, trip events, the probe.
-    pub publish: Vec<Tree>,
+    pub publish: Vec<TopicTree>,
     /// Discovery by Home Assistant; `None`: nothing is announced, and nothing taken back.
     pub home_assistant: Option<HomeAssistant>,
 }
@@ -53,14 +53,14 @@ pub struct HomeAssistant {
     /// Each device is announced as a whole, not each entity separately.
     pub devices: bool,
     /// What each drive is announced as besides.
-    pub combined: Vec<Combined>,
+    pub combined: Vec<CombinedEntity>,
     /// The address of the gateway's page, which the devices lead to.
     pub page: Option<String>,
 }
 
 /// An entity that a drive that may be commanded is announced as besides its buttons.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Combined {
+pub enum CombinedEntity {
     /// On is forward, off is stop.
     Switch,
     /// With a speed in per cent of the highest frequency, and a direction where both are allowed.
@@ -69,7 +69,7 @@ pub enum Combined {
 
 /// A part of what is published that can be left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Tree {
+pub enum TopicTree {
     /// `state` of each drive: everything that is known of it, as JSON.
     State,
     /// Topics with one value each: run state, frequencies, measurements, the active trip, the owner of control.
@@ -82,7 +82,7 @@ pub enum Tree {
     Info,
 }
 
-impl Tree {
+impl TopicTree {
     /// All of them.
     pub const ALL: [Self; 5] = [
         Self::State,
@@ -94,7 +94,7 @@ impl Tree {
 
     /// The word for it.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::State => "state",
             Self::Values => "values",
@@ -107,20 +107,20 @@ impl Tree {
 
 /// An act for the owner of the session.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Act {
+pub enum MqttAct {
     /// Subscribe to these filters at quality of service 1; they are answered together.
-    Subscribe(Vec<Filter>),
+    Subscribe(Vec<SubscriptionFilter>),
     /// Publish.
     Publish(Publication),
     /// Hand this to the lines.
     ToLine(ToLine),
     /// Keep this attempt to write, which no line saw: it was refused, is a repeat, or was withdrawn before it reached a
     /// line. `None` for the drive: the message is for all, or for one that does not exist.
-    Keep(Option<DriveRef>, Attempt),
+    Keep(Option<DriveRef>, WriteAttempt),
     /// The broker has the stored event with this number, or will not accept it: it is not to be published again.
     EventTaken(u64),
     /// The session requests the first stored events with higher numbers that no broker has: now if there are any, else
-    /// as soon as there is one. It is answered once, by [`Session::stored_events`](super::Session::stored_events).
+    /// as soon as there is one. It is answered once, by [`MqttSession::stored_events`](super::MqttSession::stored_events).
     WantEvents {
         /// The highest number that it has received.
         after: u64,

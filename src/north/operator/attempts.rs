@@ -22,20 +22,20 @@ const EVERY: Duration = Duration::from_secs(2);
 
 /// The attempts so far.
 #[derive(Debug)]
-pub struct Attempts {
-    failures: HashMap<IpAddr, Failures>,
+pub struct SignInAttempts {
+    failures: HashMap<IpAddr, SignInFailures>,
     /// How many may be attempted at once, as of the moment beside it.
     left: u32,
     counted_at: MonoTime,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Failures {
+struct SignInFailures {
     count: u32,
     last: MonoTime,
 }
 
-impl Failures {
+impl SignInFailures {
     fn wait(&self) -> Duration {
         match self.count.checked_sub(FREE) {
             None => Duration::ZERO,
@@ -46,7 +46,7 @@ impl Failures {
     }
 }
 
-impl Default for Attempts {
+impl Default for SignInAttempts {
     fn default() -> Self {
         Self {
             failures: HashMap::new(),
@@ -56,7 +56,7 @@ impl Default for Attempts {
     }
 }
 
-impl Attempts {
+impl SignInAttempts {
     /// A client at `address` attempts to sign in at `now`. It counts as a failure until it has
     /// [succeeded](Self::succeeded), so that parallel attempts do not get around the limit.
     ///
@@ -89,7 +89,8 @@ impl Attempts {
         let count = before
             .map_or(0, |failures| failures.count)
             .saturating_add(1);
-        self.failures.insert(of, Failures { count, last: now });
+        self.failures
+            .insert(of, SignInFailures { count, last: now });
         Ok(())
     }
 
@@ -140,7 +141,7 @@ mod tests {
 
     #[test]
     fn the_wait_grows_with_each_failure() {
-        let mut attempts = Attempts::default();
+        let mut attempts = SignInAttempts::default();
         let mut now = second(0);
         for _ in 0..FREE {
             assert_eq!(attempts.begin(now, host(1)), Ok(()));
@@ -168,7 +169,7 @@ mod tests {
 
     #[test]
     fn a_slow_host_makes_no_wait_shorter() {
-        let mut attempts = Attempts::default();
+        let mut attempts = SignInAttempts::default();
         for _ in 0..FREE {
             assert_eq!(attempts.begin(second(0), host(1)), Ok(()));
         }
@@ -180,7 +181,7 @@ mod tests {
 
     #[test]
     fn who_succeeds_is_not_held_up() {
-        let mut attempts = Attempts::default();
+        let mut attempts = SignInAttempts::default();
         for _ in 0..10 * BURST {
             assert_eq!(attempts.begin(second(0), host(1)), Ok(()));
             attempts.succeeded(host(1));
@@ -189,7 +190,7 @@ mod tests {
 
     #[test]
     fn all_addresses_together_are_held_up() {
-        let mut attempts = Attempts::default();
+        let mut attempts = SignInAttempts::default();
         for last in 0..BURST {
             assert_eq!(attempts.begin(second(10), host(last as u8)), Ok(()));
         }
@@ -212,7 +213,7 @@ mod tests {
 
     #[test]
     fn addresses_are_bounded_and_a_network_of_ipv6_is_one() {
-        let mut attempts = Attempts::default();
+        let mut attempts = SignInAttempts::default();
         for number in 0..2 * ADDRESSES_MAX as u32 {
             let address = IpAddr::from(number.to_be_bytes());
             assert_eq!(
@@ -221,7 +222,7 @@ mod tests {
             );
         }
         assert_eq!(attempts.failures.len(), ADDRESSES_MAX);
-        let mut attempts = Attempts::default();
+        let mut attempts = SignInAttempts::default();
         for last in 0..FREE {
             assert!(
                 attempts

@@ -1,8 +1,8 @@
 //! Bodies of requests from the page: everything that is not exactly known is refused by name.
 
-use crate::domain::command::{Go, Order};
+use crate::domain::command::{GoOrder, Order};
 use crate::north::command_words::{
-    Refused, RunWord, beside_a_stop, frequency, keys_stand_once, known_keys, not_understood,
+    RefusedCommand, RunWord, beside_a_stop, frequency, keys_stand_once, known_keys, not_understood,
     object, only_true, run, stop_in, without_mark,
 };
 use crate::profile::scale::Decimal;
@@ -31,8 +31,8 @@ pub struct PageCommand {
 ///
 /// # Errors
 /// Why it is none.
-pub fn wish(body: &[u8], step: Option<Decimal>) -> Result<PageCommand, Refused> {
-    let wish = whole_wish(body, step);
+pub fn parse_command(body: &[u8], step: Option<Decimal>) -> Result<PageCommand, RefusedCommand> {
+    let wish = parse_whole_command(body, step);
     let Some(stop) = stop_in(body) else {
         return wish;
     };
@@ -48,7 +48,7 @@ pub fn wish(body: &[u8], step: Option<Decimal>) -> Result<PageCommand, Refused> 
     })
 }
 
-fn whole_wish(body: &[u8], step: Option<Decimal>) -> Result<PageCommand, Refused> {
+fn parse_whole_command(body: &[u8], step: Option<Decimal>) -> Result<PageCommand, RefusedCommand> {
     let object = object(body, EXAMPLE)?;
     known_keys(&object, &KEYS)?;
     keys_stand_once(body, &object)?;
@@ -72,7 +72,7 @@ fn whole_wish(body: &[u8], step: Option<Decimal>) -> Result<PageCommand, Refused
         Some(RunWord::Run(direction)) => Some(direction),
         _ => None,
     };
-    let go = Go::new(Vec::new(), frequency, direction).map(Order::Go);
+    let go = GoOrder::new(Vec::new(), frequency, direction).map(Order::Go);
     match (go, is_reset) {
         (Some(_), true) => Err(not_understood(
             "`reset` stands alone: send the rest after it",
@@ -119,7 +119,7 @@ mod tests {
 
     #[test]
     fn a_body_orders_what_it_says() {
-        let go = |frequency, run| Go::new(Vec::new(), frequency, run).map(Order::Go);
+        let go = |frequency, run| GoOrder::new(Vec::new(), frequency, run).map(Order::Go);
         let thirty = Some(Hertz::from_millihertz(30_000));
         let forward = Some(Direction::Forward);
         for (body, takes, order) in [
@@ -154,7 +154,7 @@ mod tests {
             ),
         ] {
             assert_eq!(
-                wish(body.as_bytes(), None),
+                parse_command(body.as_bytes(), None),
                 Ok(PageCommand {
                     takes,
                     order,
@@ -170,7 +170,7 @@ mod tests {
             r#"{"run": "stop""#,
             r#"{"run": "stop"} x"#,
         ] {
-            let wish = wish(body.as_bytes(), None).expect(body);
+            let wish = parse_command(body.as_bytes(), None).expect(body);
             assert_eq!(
                 (wish.takes, wish.order),
                 (false, Some(Order::Stop { setpoint: None })),
@@ -204,7 +204,7 @@ mod tests {
             (r#"{"frequency_hz": 30.0001}"#, Reason::BetweenSteps),
         ] {
             assert_eq!(
-                wish(body.as_bytes(), None).map_err(|refused| refused.reason),
+                parse_command(body.as_bytes(), None).map_err(|refused| refused.reason),
                 Err(reason),
                 "{body}"
             );

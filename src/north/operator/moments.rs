@@ -4,7 +4,7 @@
 
 use crate::domain::time::MonoTime;
 use crate::guard::COMMAND_DEADLINE;
-use crate::north::seal::Seal;
+use crate::north::seal::SecretSeal;
 use std::fmt;
 use std::time::Duration;
 
@@ -17,11 +17,11 @@ const NANOS_PER_MS: u64 = 1_000_000;
 
 /// The moments of this process. No one else can forge one, so an order can only name what its sender has seen.
 #[derive(Clone, Debug)]
-pub struct Moments(Seal);
+pub struct SealedMoments(SecretSeal);
 
 /// Why an order may be too old. Only a stop is carried out then.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Old {
+pub enum OrderAge {
     /// It names no moment.
     Unnamed,
     /// It names a moment that this process has not handed out.
@@ -32,11 +32,11 @@ pub enum Old {
     Torn(Duration),
 }
 
-impl Moments {
+impl SealedMoments {
     /// The moments of a process with this key, which must be random and used for nothing else.
     #[must_use]
     pub fn new(key: u128) -> Self {
-        Self(Seal::new(key))
+        Self(SecretSeal::new(key))
     }
 
     /// The text of `now`.
@@ -50,24 +50,29 @@ impl Moments {
     ///
     /// # Errors
     /// Why it may have been.
-    pub fn review(&self, named: Option<&[u8]>, begun: MonoTime, now: MonoTime) -> Result<(), Old> {
+    pub fn review(
+        &self,
+        named: Option<&[u8]>,
+        begun: MonoTime,
+        now: MonoTime,
+    ) -> Result<(), OrderAge> {
         if now.since(begun) > COMMAND_DEADLINE {
-            return Err(Old::Torn(now.since(begun)));
+            return Err(OrderAge::Torn(now.since(begun)));
         }
         let known = self
             .0
-            .number(named.ok_or(Old::Unnamed)?)
-            .ok_or(Old::Unknown)?;
+            .number(named.ok_or(OrderAge::Unnamed)?)
+            .ok_or(OrderAge::Unknown)?;
         let age = now.since(MonoTime::from_millis(known));
         if age > AGE_MAX {
-            Err(Old::Since(age))
+            Err(OrderAge::Since(age))
         } else {
             Ok(())
         }
     }
 }
 
-impl fmt::Display for Old {
+impl fmt::Display for OrderAge {
     /// For people: why, and what to do.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let most = AGE_MAX.as_secs_f32();
@@ -103,21 +108,21 @@ mod tests {
     const NOW: MonoTime = MonoTime::from_millis(100_000);
     const SHORT: Duration = Duration::from_millis(1);
 
-    fn review(moments: &Moments, named: &str) -> Result<(), Old> {
+    fn review(moments: &SealedMoments, named: &str) -> Result<(), OrderAge> {
         moments.review(Some(named.as_bytes()), NOW, NOW)
     }
 
     #[test]
     fn an_order_is_as_old_as_the_moment_that_it_names() {
-        let moments = Moments::new(7);
+        let moments = SealedMoments::new(7);
         let named = |age| moments.at(NOW.before(age));
         for age in [Duration::ZERO, SHORT, EVERY, AGE_MAX] {
             assert_eq!(review(&moments, &named(age)), Ok(()), "{age:?}");
         }
         for age in [AGE_MAX + SHORT, Duration::from_secs(30)] {
-            assert_eq!(review(&moments, &named(age)), Err(Old::Since(age)));
+            assert_eq!(review(&moments, &named(age)), Err(OrderAge::Since(age)));
         }
-        let text = Old::Since(Duration::from_millis(31_240)).to_string();
+        let text = OrderAge::Since(Duration::from_millis(31_240)).to_string();
         assert!(
             text.starts_with(
                 "the order may have waited for 31.2 s on its way, and at most 1.5 s are allowed"
@@ -128,21 +133,21 @@ mod tests {
 
     #[test]
     fn a_moment_is_never_reported_as_a_later_one() {
-        let moments = Moments::new(7);
+        let moments = SealedMoments::new(7);
         let now = NOW + Duration::from_nanos(999_999);
         assert_eq!(moments.at(now), moments.at(NOW));
         let named = moments.at(now);
         let later = NOW + AGE_MAX + SHORT;
         assert_eq!(
             moments.review(Some(named.as_bytes()), later, later),
-            Err(Old::Since(AGE_MAX + SHORT))
+            Err(OrderAge::Since(AGE_MAX + SHORT))
         );
     }
 
     #[test]
     fn a_moment_of_another_process_or_one_that_was_guessed_is_not_known() {
-        let moments = Moments::new(7);
-        let other = Moments::new(8);
+        let moments = SealedMoments::new(7);
+        let other = SealedMoments::new(8);
         let seen = moments.at(NOW.before(AGE_MAX + SHORT));
         let (_, code) = seen.split_once('-').unwrap();
         for named in [
@@ -152,24 +157,27 @@ mod tests {
             String::new(),
             "\u{0}".to_owned(),
         ] {
-            assert_eq!(review(&moments, &named), Err(Old::Unknown), "{named}");
+            assert_eq!(review(&moments, &named), Err(OrderAge::Unknown), "{named}");
         }
         assert!(
-            Old::Unknown
+            OrderAge::Unknown
                 .to_string()
                 .starts_with("the gateway has restarted since")
         );
-        assert_eq!(moments.review(None, NOW, NOW), Err(Old::Unnamed));
-        assert_eq!(moments.review(Some(b"\xFF"), NOW, NOW), Err(Old::Unknown));
+        assert_eq!(moments.review(None, NOW, NOW), Err(OrderAge::Unnamed));
+        assert_eq!(
+            moments.review(Some(b"\xFF"), NOW, NOW),
+            Err(OrderAge::Unknown)
+        );
     }
 
     #[test]
     fn an_order_that_does_not_come_in_one_piece_is_old_whatever_it_names() {
-        let moments = Moments::new(7);
+        let moments = SealedMoments::new(7);
         let named = moments.at(NOW);
         let whole = |begun| moments.review(Some(named.as_bytes()), begun, NOW);
         assert_eq!(whole(NOW.before(COMMAND_DEADLINE)), Ok(()));
         let longer = COMMAND_DEADLINE + SHORT;
-        assert_eq!(whole(NOW.before(longer)), Err(Old::Torn(longer)));
+        assert_eq!(whole(NOW.before(longer)), Err(OrderAge::Torn(longer)));
     }
 }

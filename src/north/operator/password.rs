@@ -27,7 +27,7 @@ pub struct StoredHash {
 
 /// Why a text is not an acceptable hash.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Unfit {
+pub enum UnfitHash {
     /// It is something else, a password perhaps.
     #[error("is no hash in the PHC format")]
     NoHash,
@@ -55,18 +55,18 @@ impl StoredHash {
     /// The hash in `text`, such as `$argon2id$v=19$m=19456,t=2,p=1$SALT$HASH`.
     ///
     /// # Errors
-    /// [`Unfit`].
-    pub fn parse(text: &str) -> Result<Self, Unfit> {
+    /// [`UnfitHash`].
+    pub fn parse(text: &str) -> Result<Self, UnfitHash> {
         let text = text.trim();
         let hash = Some(text)
             .filter(|text| text.len() <= TEXT_BYTES_MAX)
             .map(PasswordHash::new);
         let Some(Ok(hash)) = hash else {
-            return Err(Unfit::NoHash);
+            return Err(UnfitHash::NoHash);
         };
         let version = hash.version.unwrap_or_default();
         if hash.algorithm != argon2::ARGON2ID_IDENT || version != u32::from(Version::V0x13) {
-            return Err(Unfit::OtherAlgorithm(format!(
+            return Err(UnfitHash::OtherAlgorithm(format!(
                 "{} in version {version}",
                 hash.algorithm
             )));
@@ -78,9 +78,9 @@ impl StoredHash {
             .map_or(0, <[u8]>::len);
         let output_bytes = hash.hash.map_or(0, |output| output.len());
         if salt_bytes < SALT_BYTES_MIN || output_bytes < OUTPUT_BYTES_MIN {
-            return Err(Unfit::Short);
+            return Err(UnfitHash::Short);
         }
-        let params = Params::try_from(&hash).map_err(|_| Unfit::NoHash)?;
+        let params = Params::try_from(&hash).map_err(|_| UnfitHash::NoHash)?;
         let limits = [
             ('m', params.m_cost(), MEMORY_KIB),
             ('t', params.t_cost(), PASSES),
@@ -88,7 +88,7 @@ impl StoredHash {
         ];
         for (what, value, range) in limits {
             if !range.contains(&value) {
-                return Err(Unfit::Parameter { what, value, range });
+                return Err(UnfitHash::Parameter { what, value, range });
             }
         }
         Ok(Self {
@@ -210,9 +210,9 @@ mod tests {
             assert_eq!(with(from, to), why);
         }
         let (without_output, _) = REFERENCE.rsplit_once('$').unwrap();
-        assert_eq!(StoredHash::parse(without_output), Err(Unfit::Short));
+        assert_eq!(StoredHash::parse(without_output), Err(UnfitHash::Short));
         for text in ["", "correct horse", "$argon2id$", &"x".repeat(10_000)] {
-            assert_eq!(StoredHash::parse(text), Err(Unfit::NoHash), "{text}");
+            assert_eq!(StoredHash::parse(text), Err(UnfitHash::NoHash), "{text}");
         }
     }
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 
 /// The role of a user, from the least to the most.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Role {
+pub enum UserRole {
     /// Looks, where the page shows nothing to others.
     View,
     /// Commands drives.
@@ -16,10 +16,10 @@ pub enum Role {
     Setup,
 }
 
-impl Role {
+impl UserRole {
     /// The word for it.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::View => "view",
             Self::Operate => "operate",
@@ -42,14 +42,14 @@ impl Role {
 
 /// What one user may do.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Rights {
+pub struct UserRights {
     /// The role.
-    pub role: Role,
+    pub role: UserRole,
     /// The groups whose drives the user may command beyond a stop. `None`: all drives.
     pub groups: Option<BTreeSet<Name>>,
 }
 
-impl Rights {
+impl UserRights {
     /// Whether the user may command a drive of `group`.
     #[must_use]
     pub fn may_command(&self, group: Option<&Name>) -> bool {
@@ -60,19 +60,19 @@ impl Rights {
     /// Whether the user may stop drives: all of them, whatever their groups.
     #[must_use]
     pub fn may_stop(&self) -> bool {
-        self.role >= Role::Operate
+        self.role >= UserRole::Operate
     }
 
     /// Whether the user may change the configuration.
     #[must_use]
     pub fn may_set_up(&self) -> bool {
-        self.role >= Role::Setup
+        self.role >= UserRole::Setup
     }
 
     /// Whether the user may do what concerns the gateway as a whole.
     #[must_use]
     pub fn may_maintain(&self) -> bool {
-        self.role >= Role::Maintain
+        self.role >= UserRole::Maintain
     }
 }
 
@@ -83,25 +83,33 @@ mod tests {
     #[test]
     fn a_role_allows_what_the_ones_below_it_allow_and_groups_narrow_all_but_a_stop() {
         let group = |text: &str| Name::new(text).unwrap();
-        let of = |role, groups: Option<&[&str]>| Rights {
+        let of = |role, groups: Option<&[&str]>| UserRights {
             role,
             groups: groups.map(|all| all.iter().map(|text| group(text)).collect()),
         };
         let (water, air) = (group("water"), group("air"));
         let cases = [
-            (of(Role::View, None), [false, false, false], false),
-            (of(Role::Operate, None), [true, true, true], false),
+            (of(UserRole::View, None), [false, false, false], false),
+            (of(UserRole::Operate, None), [true, true, true], false),
             (
-                of(Role::Operate, Some(&["water"])),
+                of(UserRole::Operate, Some(&["water"])),
                 [true, false, false],
                 false,
             ),
-            (of(Role::Maintain, Some(&[])), [false, false, false], true),
-            (of(Role::Maintain, None), [true, true, true], true),
-            (of(Role::Setup, None), [true, true, true], true),
+            (
+                of(UserRole::Maintain, Some(&[])),
+                [false, false, false],
+                true,
+            ),
+            (of(UserRole::Maintain, None), [true, true, true], true),
+            (of(UserRole::Setup, None), [true, true, true], true),
         ];
         for (rights, may_command, may_maintain) in cases {
-            assert_eq!(rights.may_stop(), rights.role != Role::View, "{rights:?}");
+            assert_eq!(
+                rights.may_stop(),
+                rights.role != UserRole::View,
+                "{rights:?}"
+            );
             let found = [Some(&water), Some(&air), None].map(|group| rights.may_command(group));
             assert_eq!(
                 (found, rights.may_maintain()),
@@ -110,7 +118,7 @@ mod tests {
             );
             assert_eq!(
                 rights.may_set_up(),
-                rights.role == Role::Setup,
+                rights.role == UserRole::Setup,
                 "{rights:?}"
             );
         }

@@ -17,24 +17,24 @@ pub type Key = [u8; 32];
 
 /// All sessions.
 #[derive(Debug, Default)]
-pub struct Sessions {
-    open: HashMap<Key, Session>,
+pub struct UserSessions {
+    open: HashMap<Key, UserSession>,
 }
 
 #[derive(Debug)]
-struct Session {
+struct UserSession {
     user: CommanderName,
     opened: MonoTime,
     used: MonoTime,
 }
 
-impl Session {
+impl UserSession {
     fn is_over(&self, now: MonoTime) -> bool {
         now.since(self.used) >= IDLE_MAX || now.since(self.opened) >= LIFE_MAX
     }
 }
 
-impl Sessions {
+impl UserSessions {
     /// `user` has signed in at `now`, and is identified by `key` from now on.
     pub fn open(&mut self, now: MonoTime, key: Key, user: CommanderName) {
         self.open.retain(|_, session| !session.is_over(now));
@@ -48,7 +48,7 @@ impl Sessions {
         }
         self.open.insert(
             key,
-            Session {
+            UserSession {
                 user,
                 opened: now,
                 used: now,
@@ -106,7 +106,7 @@ mod tests {
 
     #[test]
     fn a_session_ends_when_it_is_not_used() {
-        let mut sessions = Sessions::default();
+        let mut sessions = UserSessions::default();
         sessions.open(at(0), key(1), anna());
         let last = MonoTime::from_millis(4) + IDLE_MAX;
         assert_eq!(sessions.user(last, &key(1)), Some(anna()));
@@ -123,7 +123,7 @@ mod tests {
 
     #[test]
     fn no_session_lives_for_ever() {
-        let mut sessions = Sessions::default();
+        let mut sessions = UserSessions::default();
         sessions.open(at(0), key(1), anna());
         for hour in 0..7 * 24 {
             assert_eq!(sessions.used(at(hour), &key(1)), Some(anna()), "{hour}");
@@ -133,7 +133,7 @@ mod tests {
 
     #[test]
     fn anyone_who_signs_out_or_is_gone_has_none() {
-        let mut sessions = Sessions::default();
+        let mut sessions = UserSessions::default();
         let bob = CommanderName::new("bob").unwrap();
         for (number, user) in [(1, anna()), (2, anna()), (3, bob)] {
             sessions.open(at(0), key(number), user);
@@ -152,7 +152,7 @@ mod tests {
 
     #[test]
     fn the_one_that_was_used_longest_ago_gives_way() {
-        let mut sessions = Sessions::default();
+        let mut sessions = UserSessions::default();
         let most = u8::try_from(SESSIONS_MAX).unwrap();
         for number in 0..most {
             sessions.open(MonoTime::from_millis(number.into()), key(number), anna());

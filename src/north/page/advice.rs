@@ -6,23 +6,23 @@ mod of_gateway;
 mod of_line;
 
 use crate::domain::ids::Name;
-use crate::north::finding::{Finding, Severity, Sign};
+use crate::north::finding::{Finding, FindingSign, Severity};
 use crate::north::texts::Sentence;
 
 /// Advice on one subject.
 #[derive(Debug, Default)]
-struct Advice {
+struct SubjectAdvice {
     line: Option<Name>,
     drive: Option<Name>,
     all: Vec<Finding>,
 }
 
-impl Advice {
-    fn say(&mut self, sign: Sign, text: Sentence) {
+impl SubjectAdvice {
+    fn say(&mut self, sign: FindingSign, text: Sentence) {
         self.say_graded(sign.severity(), sign, text);
     }
 
-    fn say_graded(&mut self, severity: Severity, sign: Sign, text: Sentence) {
+    fn say_graded(&mut self, severity: Severity, sign: FindingSign, text: Sentence) {
         let line = self.line.clone();
         let drive = self.drive.clone();
         self.all.push(Finding {

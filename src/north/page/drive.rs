@@ -1,6 +1,6 @@
 //! One drive as a document.
 
-use super::Present;
+use super::PageMoment;
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{Name, Station};
@@ -8,12 +8,12 @@ use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
-use crate::drive::rated::Rated;
+use crate::drive::rated::RatedConversion;
 use crate::drive::snapshot::ValueReading;
 use crate::drive::view::{ControlView, DriveView};
 use crate::journal::trip;
 use crate::north::shown::{self, quality, stale_at};
-use crate::profile::model::{PollClass, Register, Role};
+use crate::profile::model::{PollClass, Register, RegisterRole};
 use crate::profile::words::{POLL_CLASSES, ROLES};
 use crate::toml_file::words::word_for;
 use serde_json::{Value, json};
@@ -23,7 +23,7 @@ const RATED_DIGITS: u8 = 2;
 
 /// One drive with its view.
 #[derive(Clone, Copy, Debug)]
-pub struct Drive<'d> {
+pub struct PageDrive<'d> {
     /// Its description.
     pub description: &'d DriveDescription,
     /// Its view.
@@ -34,10 +34,10 @@ pub struct Drive<'d> {
     pub standby: Option<LineRole>,
 }
 
-impl Drive<'_> {
+impl PageDrive<'_> {
     /// The document.
     #[must_use]
-    pub fn document(&self, present: &Present<'_>) -> Value {
+    pub fn document(&self, present: &PageMoment<'_>) -> Value {
         let Self {
             description,
             view,
@@ -56,7 +56,7 @@ impl Drive<'_> {
             "unit": description.unit.get(),
             "uniform_unit": description.uniform_unit.get(),
             "presence": shown::presence(view),
-            "run_state": shown::run_state(view).word(),
+            "run_state": shown::run_state(view).keyword(),
             "drive_state": shown::drive_state(description, view, present.now),
             "may_still_run": view.sight.may_still_run,
             "last_seen": shown::last_seen(view, present.clock),
@@ -69,8 +69,8 @@ impl Drive<'_> {
                 "ready": view.status.ready,
             },
             "warning": shown::warning_text(self.description, self.view, present.now),
-            "standby": standby.map(LineRole::word),
-            "watchdog": view.watchdog.map(|watchdog| watchdog.state.word()),
+            "standby": standby.map(LineRole::keyword),
+            "watchdog": view.watchdog.map(|watchdog| watchdog.state.keyword()),
             "control": description.control.as_ref().map(|settings| self.control(settings, present)),
             "usage": shown::usage(view),
             "oldest_ms": self.oldest_at(present.now).map(|at| whole_millis(present.now, at)),
@@ -95,7 +95,7 @@ impl Drive<'_> {
     pub fn oldest_at(&self, now: MonoTime) -> Option<MonoTime> {
         let is_live = |register: &&Register| register.poll.is_some_and(PollClass::is_live);
         let read_at = |register: &Register| {
-            if quality(self.description, register, self.view, now).word() != "good" {
+            if quality(self.description, register, self.view, now).keyword() != "good" {
                 return None;
             }
             Some(self.view.snapshot.value(register)?.at)
@@ -106,7 +106,9 @@ impl Drive<'_> {
     /// The output frequency, unless it is stale.
     fn output_frequency(&self, now: MonoTime) -> Option<f64> {
         self.hertz(
-            self.description.model.register_for(Role::OutputFrequency)?,
+            self.description
+                .model
+                .register_for(RegisterRole::OutputFrequency)?,
             now,
         )
     }
@@ -132,7 +134,7 @@ impl Drive<'_> {
         Some(reading.value.value())
     }
 
-    fn trip(&self, present: &Present<'_>) -> Value {
+    fn trip(&self, present: &PageMoment<'_>) -> Value {
         let trip = &self.view.trip;
         let kept = &self.view.trip_kept;
         let code = match &trip.last {
@@ -153,7 +155,7 @@ impl Drive<'_> {
         })
     }
 
-    fn control(&self, settings: &ControlSettings, present: &Present<'_>) -> Value {
+    fn control(&self, settings: &ControlSettings, present: &PageMoment<'_>) -> Value {
         let now = present.now;
         let nobody = ControlView::default();
         let view = self.view.control.as_ref().unwrap_or(&nobody);
@@ -167,7 +169,7 @@ impl Drive<'_> {
             "site": shown::site(settings),
             "min_hz": settings.least.as_f64(),
             "max_hz": settings.most.as_f64(),
-            "on_commander_lost": settings.on_commander_lost.word(),
+            "on_commander_lost": settings.on_commander_lost.keyword(),
             "lost_after_s": settings.lost_after.as_secs_f64(),
             "owner": lease.map(|(owner, _)| owner.to_string()),
             "lease_left_ms": left.map(|until| whole_millis(until, now)),
@@ -181,8 +183,8 @@ impl Drive<'_> {
             "output_outside": view.output_outside,
             "stopped_elsewhere": view.stopped_elsewhere,
             "last": view.last.map(|report| json!({
-                "outcome": report.outcome.word(),
-                "reason": report.reason.word(),
+                "outcome": report.outcome.keyword(),
+                "reason": report.reason.keyword(),
                 "message": shown::message(&self.description.model, &report),
             })),
         })
@@ -190,7 +192,7 @@ impl Drive<'_> {
 
     fn value(&self, register: &Register, now: MonoTime) -> Value {
         let reading = self.view.snapshot.value(register);
-        let rated = Rated::of(register, &self.description.ratings);
+        let rated = RatedConversion::of(register, &self.description.ratings);
         let number = |it: ValueReading| match rated {
             Some(rated) => rated.to_digits(it.value, RATED_DIGITS).value(),
             None => it.value.value(),
@@ -201,7 +203,7 @@ impl Drive<'_> {
             "unit": rated.map_or_else(|| trip::unit(register), |rated| Some(rated.unit.symbol())),
             "value": reading.map(number),
             "text": reading.and_then(|it| self.meaning(register, it)),
-            "quality": quality(self.description, register, self.view, now).word(),
+            "quality": quality(self.description, register, self.view, now).keyword(),
             "age_ms": reading.map(|it| whole_millis(now, it.at)),
             "poll": register.poll.map(|class| word_for(&POLL_CLASSES, &class)),
             "role": register.role.map(|role| word_for(&ROLES, &role).replace('-', "_")),
@@ -211,7 +213,10 @@ impl Drive<'_> {
     fn meaning(&self, register: &Register, reading: ValueReading) -> Option<String> {
         match register.role {
             Some(
-                role @ (Role::TripCode | Role::TripBits | Role::TripCause | Role::TripHistory),
+                role @ (RegisterRole::TripCode
+                | RegisterRole::TripBits
+                | RegisterRole::TripCause
+                | RegisterRole::TripHistory),
             ) => {
                 let code = register
                     .code(|address| self.view.snapshot.reading(address).map(|it| it.raw))?;

@@ -1,11 +1,11 @@
 //! The gateway as a document.
 
-use crate::north::broker::Oversized;
+use crate::north::broker::OversizedPublication;
 use serde_json::{Value, json};
 
 /// The gateway as a whole.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Gateway {
+pub struct PageGateway {
     /// Its name.
     pub name: String,
     /// When it started, as RFC 3339.
@@ -15,7 +15,7 @@ pub struct Gateway {
     /// The path to the broker; `None` if none is configured.
     pub mqtt: Option<BrokerWay>,
     /// The journal; `None` if there is none.
-    pub journal: Option<JournalState>,
+    pub journal: Option<PageJournal>,
     /// Why the program's own commands do not reach it; `None` if they do.
     pub unreachable: Option<String>,
 }
@@ -32,7 +32,7 @@ pub struct BrokerWay {
     /// Why there is no connection, with the broker's address, as far as it is known.
     pub lost_reason: Option<String>,
     /// What is not published because it is larger than the broker takes.
-    pub oversized: Vec<Oversized>,
+    pub oversized: Vec<OversizedPublication>,
     /// The topic that says that the clients of the broker are gone; `None` if it does not.
     pub clients_gone: Option<String>,
 }
@@ -45,7 +45,7 @@ impl BrokerWay {
 
 /// The state of the journal.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct JournalState {
+pub struct PageJournal {
     /// The word for it.
     pub state: &'static str,
     /// Rows are being kept.
@@ -60,7 +60,7 @@ pub struct JournalState {
     pub lost: u64,
 }
 
-impl Gateway {
+impl PageGateway {
     /// The document, `uptime_s` seconds after the start.
     #[must_use]
     pub fn document(&self, uptime_s: u64) -> Value {

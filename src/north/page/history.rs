@@ -1,6 +1,6 @@
 //! Kept trends of one drive as a document: for the page, for dashboards, or as CSV.
 
-use super::kept::{Cell, Level};
+use super::kept::{TrendCell, TrendLevel};
 use crate::domain::calendar::rfc3339;
 use crate::domain::time::WallTime;
 use serde_json::{Map, Value, json};
@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 
 /// One value, as it was stored.
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct Column {
+struct HistoryColumn {
     name: String,
     label: String,
     unit: String,
@@ -21,18 +21,18 @@ pub type Names = Option<BTreeSet<String>>;
 
 /// The rows of one drive at one level.
 #[derive(Debug)]
-pub struct History {
-    level: Level,
+pub struct DriveHistory {
+    level: TrendLevel,
     wanted: Names,
-    columns: Vec<Column>,
+    columns: Vec<HistoryColumn>,
     /// By their beginning in seconds since 1970-01-01 UTC.
-    rows: BTreeMap<i64, Vec<Cell>>,
+    rows: BTreeMap<i64, Vec<TrendCell>>,
 }
 
-impl History {
+impl DriveHistory {
     /// Without rows.
     #[must_use]
-    pub const fn new(level: Level, wanted: Names) -> Self {
+    pub const fn new(level: TrendLevel, wanted: Names) -> Self {
         Self {
             level,
             wanted,
@@ -43,7 +43,7 @@ impl History {
 
     /// Adds the row at `at_s` with `cells` for the stored `columns`. A model that was changed has other columns than before:
     /// values with the same name and unit continue.
-    pub fn add(&mut self, at_s: i64, columns: &str, cells: &[Cell]) {
+    pub fn add(&mut self, at_s: i64, columns: &str, cells: &[TrendCell]) {
         let places: Vec<_> = read_columns(columns)
             .into_iter()
             .map(|column| self.place(column))
@@ -52,7 +52,7 @@ impl History {
         for (place, cell) in places.into_iter().zip(cells) {
             let Some(place) = place else { continue };
             if row.len() <= place {
-                row.resize(place + 1, Cell::EMPTY);
+                row.resize(place + 1, TrendCell::EMPTY);
             }
             if let Some(known) = row.get_mut(place) {
                 *known = known.with(*cell);
@@ -60,7 +60,7 @@ impl History {
         }
     }
 
-    fn place(&mut self, column: Column) -> Option<usize> {
+    fn place(&mut self, column: HistoryColumn) -> Option<usize> {
         if self
             .wanted
             .as_ref()
@@ -68,7 +68,7 @@ impl History {
         {
             return None;
         }
-        let same = |known: &Column| known.name == column.name && known.unit == column.unit;
+        let same = |known: &HistoryColumn| known.name == column.name && known.unit == column.unit;
         let place = self
             .columns
             .iter()
@@ -96,7 +96,7 @@ impl History {
                 .map(|index| first + index * step)
                 .take_while(|at| *at <= last)
         };
-        let of = |take: fn(&Cell) -> f32| {
+        let of = |take: fn(&TrendCell) -> f32| {
             let column = |place: usize| {
                 times()
                     .map(|at| self.number(at, place, take))
@@ -136,7 +136,7 @@ impl History {
     #[must_use]
     pub fn csv(&self) -> String {
         let mut text = "time".to_owned();
-        for Column { name, unit, .. } in &self.columns {
+        for HistoryColumn { name, unit, .. } in &self.columns {
             // Writing to a String cannot fail.
             let _ = write!(
                 text,
@@ -148,9 +148,9 @@ impl History {
             text += &rfc3339(moment(*at));
             for place in 0..self.columns.len() {
                 for take in [
-                    |cell: &Cell| cell.min,
-                    |cell: &Cell| cell.mean,
-                    |cell: &Cell| cell.max,
+                    |cell: &TrendCell| cell.min,
+                    |cell: &TrendCell| cell.mean,
+                    |cell: &TrendCell| cell.max,
                 ] {
                     let number = self
                         .number(*at, place, take)
@@ -162,7 +162,7 @@ impl History {
         text + "\n"
     }
 
-    fn number(&self, at_s: i64, place: usize, take: fn(&Cell) -> f32) -> Option<f64> {
+    fn number(&self, at_s: i64, place: usize, take: fn(&TrendCell) -> f32) -> Option<f64> {
         let cell = self
             .rows
             .get(&at_s)?
@@ -180,10 +180,10 @@ const fn moment(at_s: i64) -> WallTime {
     }
 }
 
-fn read_columns(text: &str) -> Vec<Column> {
+fn read_columns(text: &str) -> Vec<HistoryColumn> {
     let document: Value = serde_json::from_str(text).unwrap_or_default();
     let text = |column: &Value, key: &str| column[key].as_str().unwrap_or_default().to_owned();
-    let read = |column: &Value| Column {
+    let read = |column: &Value| HistoryColumn {
         name: text(column, "name"),
         label: text(column, "label"),
         unit: text(column, "unit"),
@@ -208,14 +208,17 @@ mod tests {
     const LATER: &str = r#"[{"name":"torque","label":"Torque","unit":"%","digits":0},
         {"name":"output_frequency","label":"Output frequency","unit":"Hz","digits":2}]"#;
 
-    fn history(wanted: Names) -> History {
-        let mut history = History::new(LEVELS[0], wanted);
+    fn history(wanted: Names) -> DriveHistory {
+        let mut history = DriveHistory::new(LEVELS[0], wanted);
         history.add(
             600,
             COLUMNS,
-            &[Cell::of(10.0).with(Cell::of(20.55)), Cell::of(1.5)],
+            &[
+                TrendCell::of(10.0).with(TrendCell::of(20.55)),
+                TrendCell::of(1.5),
+            ],
         );
-        history.add(720, LATER, &[Cell::of(80.0), Cell::of(30.0)]);
+        history.add(720, LATER, &[TrendCell::of(80.0), TrendCell::of(30.0)]);
         history
     }
 
@@ -255,14 +258,18 @@ mod tests {
     #[test]
     fn a_clock_that_was_set_far_ahead_makes_no_document_longer() {
         let mut history = history(None);
-        history.add(4_000_000_020, COLUMNS, &[Cell::of(1.0), Cell::of(1.0)]);
+        history.add(
+            4_000_000_020,
+            COLUMNS,
+            &[TrendCell::of(1.0), TrendCell::of(1.0)],
+        );
         let document = history.document("pump-1");
         assert_eq!(
             document["values"][0].as_array().unwrap().len(),
             LEVELS[0].rows
         );
         assert_eq!(
-            History::new(LEVELS[0], None).document("pump-1")["values"],
+            DriveHistory::new(LEVELS[0], None).document("pump-1")["values"],
             json!([])
         );
     }

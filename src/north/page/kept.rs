@@ -1,21 +1,21 @@
 //! Trends that are kept: every polled value with a unit, in rows of a minute, ten minutes and an hour.
 //!
-//! A minute is collected in memory and returned as a whole. The store merges it into its row of each [`Level`], so
+//! A minute is collected in memory and returned as a whole. The store merges it into its row of each [`TrendLevel`], so
 //! that an end without notice loses at most the minute that was being collected.
 
-use super::drive::Drive;
-use super::trend::Column;
+use super::drive::PageDrive;
+use super::trend::TrendColumn;
 use crate::domain::ids::Name;
 use crate::domain::time::{MonoTime, WallTime};
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
-use crate::profile::model::{PollClass, Register, Role};
+use crate::profile::model::{PollClass, Register, RegisterRole};
 use serde_json::Value;
 use std::collections::BTreeMap;
 
 /// Rows of one length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Level {
+pub struct TrendLevel {
     /// The span that all of them cover, as it is asked for.
     pub span: &'static str,
     /// Seconds from one row to the next.
@@ -25,18 +25,18 @@ pub struct Level {
 }
 
 /// All levels, finest first.
-pub const LEVELS: [Level; 3] = [
-    Level {
+pub const LEVELS: [TrendLevel; 3] = [
+    TrendLevel {
         span: "24h",
         step_s: 60,
         rows: 1440,
     },
-    Level {
+    TrendLevel {
         span: "7d",
         step_s: 600,
         rows: 1008,
     },
-    Level {
+    TrendLevel {
         span: "30d",
         step_s: 3600,
         rows: 720,
@@ -44,12 +44,12 @@ pub const LEVELS: [Level; 3] = [
 ];
 /// Most values of a drive.
 pub const COLUMNS_MAX: usize = 32;
-/// Bytes of a stored [`Cell`].
+/// Bytes of a stored [`TrendCell`].
 const CELL_BYTES: usize = 16;
 
 /// What was seen of one value within a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cell {
+pub struct TrendCell {
     /// The smallest one.
     pub min: f32,
     /// The mean.
@@ -60,7 +60,7 @@ pub struct Cell {
     pub count: u32,
 }
 
-impl Cell {
+impl TrendCell {
     /// Nothing was seen.
     pub const EMPTY: Self = Self {
         min: 0.0,
@@ -136,24 +136,24 @@ impl Cell {
 
 /// Cells as they are stored.
 #[must_use]
-pub fn stored(cells: &[Cell]) -> Vec<u8> {
+pub fn stored(cells: &[TrendCell]) -> Vec<u8> {
     cells.iter().flat_map(|cell| cell.bytes()).collect()
 }
 
 /// Stored cells; `None` if these are none.
 #[must_use]
-pub fn cells(bytes: &[u8]) -> Option<Vec<Cell>> {
+pub fn cells(bytes: &[u8]) -> Option<Vec<TrendCell>> {
     let whole = bytes.chunks_exact(CELL_BYTES);
     whole
         .remainder()
         .is_empty()
-        .then(|| whole.map(Cell::read).collect())
+        .then(|| whole.map(TrendCell::read).collect())
         .flatten()
 }
 
 /// Merges `newer` into the stored row `bytes`. A row that is damaged or of another length is replaced.
 #[must_use]
-pub fn merged(bytes: &[u8], newer: &[Cell]) -> Vec<u8> {
+pub fn merged(bytes: &[u8], newer: &[TrendCell]) -> Vec<u8> {
     match cells(bytes).filter(|older| older.len() == newer.len()) {
         Some(older) => stored(
             &older
@@ -168,7 +168,7 @@ pub fn merged(bytes: &[u8], newer: &[Cell]) -> Vec<u8> {
 
 /// A finished minute of one drive.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Minute {
+pub struct TrendMinute {
     /// The drive.
     pub drive: Name,
     /// Its values as a JSON document; the same text as long as they are the same.
@@ -176,25 +176,25 @@ pub struct Minute {
     /// When it began, in seconds since 1970-01-01 UTC.
     pub at_s: i64,
     /// One for each value.
-    pub cells: Vec<Cell>,
+    pub cells: Vec<TrendCell>,
 }
 
 /// The minutes of all drives that are being collected.
 #[derive(Debug, Default)]
-pub struct Collector {
-    drives: BTreeMap<Name, Collected>,
+pub struct MinuteCollector {
+    drives: BTreeMap<Name, CollectedMinute>,
     at_s: Option<i64>,
 }
 
 #[derive(Debug)]
-struct Collected {
-    columns: Vec<Column>,
+struct CollectedMinute {
+    columns: Vec<TrendColumn>,
     /// The columns as a JSON document.
     document: String,
-    cells: Vec<Cell>,
+    cells: Vec<TrendCell>,
 }
 
-impl Collector {
+impl MinuteCollector {
     /// Takes over these drives. What was collected of one that is unchanged continues.
     pub fn change_to<'d>(&mut self, drives: impl IntoIterator<Item = &'d DriveDescription>) {
         let mut old = std::mem::take(&mut self.drives);
@@ -206,11 +206,11 @@ impl Collector {
             let new = || {
                 let document = columns
                     .iter()
-                    .map(Column::kept)
+                    .map(TrendColumn::kept)
                     .collect::<Value>()
                     .to_string();
-                Collected {
-                    cells: vec![Cell::EMPTY; columns.len()],
+                CollectedMinute {
+                    cells: vec![TrendCell::EMPTY; columns.len()],
                     document,
                     columns,
                 }
@@ -225,13 +225,13 @@ impl Collector {
         &mut self,
         wall: WallTime,
         now: MonoTime,
-        drives: impl IntoIterator<Item = Drive<'d>>,
-    ) -> Vec<Minute> {
+        drives: impl IntoIterator<Item = PageDrive<'d>>,
+    ) -> Vec<TrendMinute> {
         let at_s = wall.unix_ms.div_euclid(60_000) * 60;
         let before = self.at_s.replace(at_s).filter(|before| *before != at_s);
         let finished = before.map(|at_s| self.finish(at_s)).unwrap_or_default();
         for drive in drives {
-            let Some(Collected { columns, cells, .. }) =
+            let Some(CollectedMinute { columns, cells, .. }) =
                 self.drives.get_mut(&drive.description.name)
             else {
                 continue;
@@ -239,24 +239,24 @@ impl Collector {
             for (column, cell) in columns.iter().zip(cells) {
                 *cell = column
                     .read(&drive, now)
-                    .map_or(*cell, |value| cell.with(Cell::of(value)));
+                    .map_or(*cell, |value| cell.with(TrendCell::of(value)));
             }
         }
         finished
     }
 
-    fn finish(&mut self, at_s: i64) -> Vec<Minute> {
+    fn finish(&mut self, at_s: i64) -> Vec<TrendMinute> {
         let drives = self
             .drives
             .iter_mut()
             .filter(|(_, it)| it.cells.iter().any(|cell| cell.count > 0));
-        let minute = |(drive, it): (&Name, &mut Collected)| {
+        let minute = |(drive, it): (&Name, &mut CollectedMinute)| {
             let cells = it
                 .cells
                 .iter_mut()
-                .map(|cell| std::mem::replace(cell, Cell::EMPTY))
+                .map(|cell| std::mem::replace(cell, TrendCell::EMPTY))
                 .collect();
-            Minute {
+            TrendMinute {
                 drive: drive.clone(),
                 columns: it.document.clone(),
                 at_s,
@@ -268,7 +268,7 @@ impl Collector {
 }
 
 /// Everything that is polled again and again and has a unit, with the setpoint; the output frequency first.
-fn columns(drive: &DriveDescription) -> Vec<Column> {
+fn columns(drive: &DriveDescription) -> Vec<TrendColumn> {
     let model = &drive.model;
     let setting = model
         .setting_register()
@@ -278,13 +278,13 @@ fn columns(drive: &DriveDescription) -> Vec<Column> {
             && register.unit != UnitOfMeasure::None
             && Some(register.name.as_str()) != setting
     };
-    let is_output = |register: &&Register| register.role == Some(Role::OutputFrequency);
-    let column = |register: &Register| Column::of_register(drive, register);
+    let is_output = |register: &&Register| register.role == Some(RegisterRole::OutputFrequency);
+    let column = |register: &Register| TrendColumn::of_register(drive, register);
     let (outputs, others): (Vec<_>, Vec<_>) =
         model.registers.iter().filter(is_kept).partition(is_output);
     let outputs = outputs.into_iter().filter_map(column);
     let all = outputs
-        .chain(Column::of_setpoint(drive))
+        .chain(TrendColumn::of_setpoint(drive))
         .chain(others.into_iter().filter_map(column));
     all.take(COLUMNS_MAX).collect()
 }
@@ -297,16 +297,16 @@ mod tests {
     #[test]
     fn what_is_stored_is_read_as_it_was_and_anything_else_is_not() {
         let row = [
-            Cell::of(50.0).with(Cell::of(20.0)),
-            Cell::EMPTY,
-            Cell {
+            TrendCell::of(50.0).with(TrendCell::of(20.0)),
+            TrendCell::EMPTY,
+            TrendCell {
                 count: u32::MAX,
-                ..Cell::of(-0.5)
+                ..TrendCell::of(-0.5)
             },
         ];
         assert_eq!(
             row[0],
-            Cell {
+            TrendCell {
                 min: 20.0,
                 mean: 35.0,
                 max: 50.0,
@@ -327,19 +327,19 @@ mod tests {
 
     #[test]
     fn rows_are_merged_by_how_often_each_value_was_seen() {
-        let minute = |value: f64, count: u32| Cell {
+        let minute = |value: f64, count: u32| TrendCell {
             count,
-            ..Cell::of(value)
+            ..TrendCell::of(value)
         };
-        let older = stored(&[minute(10.0, 30), Cell::EMPTY, minute(7.0, 1)]);
+        let older = stored(&[minute(10.0, 30), TrendCell::EMPTY, minute(7.0, 1)]);
         let row = cells(&merged(
             &older,
-            &[minute(40.0, 10), minute(3.0, 2), Cell::EMPTY],
+            &[minute(40.0, 10), minute(3.0, 2), TrendCell::EMPTY],
         ))
         .unwrap();
         assert_eq!(
             row[0],
-            Cell {
+            TrendCell {
                 min: 10.0,
                 mean: 17.5,
                 max: 40.0,
@@ -352,7 +352,7 @@ mod tests {
     #[test]
     fn a_minute_is_handed_out_when_the_next_one_begins_even_if_the_clock_was_set() {
         let description = description("hyundai-n700");
-        let mut collector = Collector::default();
+        let mut collector = MinuteCollector::default();
         collector.change_to([&description]);
         let wall = |s: i64| WallTime { unix_ms: s * 1000 };
         let mut note = |s: i64, word: u16| {
@@ -360,7 +360,7 @@ mod tests {
             collector.note(
                 wall(s),
                 NOW,
-                [Drive {
+                [PageDrive {
                     description: &description,
                     view: &view,
                     station: None,
@@ -375,7 +375,7 @@ mod tests {
         assert_eq!(finished[0].at_s, 600);
         assert_eq!(
             finished[0].cells[0],
-            Cell {
+            TrendCell {
                 min: 10.0,
                 mean: 20.0,
                 max: 30.0,

@@ -1,6 +1,6 @@
 //! One line as a document.
 
-use super::line_use::Rates;
+use super::line_use::LineRates;
 use crate::domain::ids::Name;
 use crate::domain::link::{Interface, Wiring};
 use crate::domain::report::{LineReport, LineState};
@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 
 /// One line as of its last round.
 #[derive(Clone, Copy, Debug)]
-pub struct Line<'l> {
+pub struct PageLine<'l> {
     /// Its name.
     pub name: &'l Name,
     /// Its physical interface.
@@ -27,12 +27,12 @@ pub struct Line<'l> {
     /// Its thread was found to hang.
     pub hangs: bool,
     /// Recent measurements; `None` before there are enough.
-    pub rates: Option<Rates>,
+    pub rates: Option<LineRates>,
     /// The names of its drives, in order.
     pub drives: &'l [&'l Name],
 }
 
-impl Line<'_> {
+impl PageLine<'_> {
     /// The document.
     #[must_use]
     pub fn document(&self) -> Value {

@@ -14,7 +14,7 @@ const COUNTS_MAX: usize = 16;
 
 /// What was measured over the last seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rates {
+pub struct LineRates {
     /// Per cent of the time in which an exchange was open, 0 to 100.
     pub use_per_cent: f64,
     /// Frames sent a second.
@@ -24,11 +24,11 @@ pub struct Rates {
 /// The counts of one line over the last seconds.
 #[derive(Clone, Debug, Default)]
 pub struct LineUse {
-    counts: VecDeque<Count>,
+    counts: VecDeque<UseCount>,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Count {
+struct UseCount {
     at: MonoTime,
     busy_us: u64,
     requests: u64,
@@ -37,7 +37,7 @@ struct Count {
 impl LineUse {
     /// Takes the counters as they are `now`.
     pub fn note(&mut self, now: MonoTime, counters: &LineCounters) {
-        self.counts.push_back(Count {
+        self.counts.push_back(UseCount {
             at: now,
             busy_us: counters.busy_us,
             requests: counters.requests,
@@ -55,14 +55,14 @@ impl LineUse {
 
     /// The rates; `None` before a second has passed.
     #[must_use]
-    pub fn rates(&self) -> Option<Rates> {
+    pub fn rates(&self) -> Option<LineRates> {
         let first = self.counts.front()?;
         let last = self.counts.back()?;
         let span = Some(last.at.since(first.at))
             .filter(|span| *span >= LEAST)?
             .as_secs_f64();
         let rise = |from: u64, to: u64| to.saturating_sub(from) as f64 / span;
-        Some(Rates {
+        Some(LineRates {
             use_per_cent: (rise(first.busy_us, last.busy_us) / 1e4).min(100.0),
             exchanges_per_s: rise(first.requests, last.requests),
         })
@@ -93,7 +93,7 @@ mod tests {
         }
         assert_eq!(
             measured.rates(),
-            Some(Rates {
+            Some(LineRates {
                 use_per_cent: 50.0,
                 exchanges_per_s: 20.0
             })

@@ -16,25 +16,25 @@ mod tests;
 pub mod trend;
 pub mod trips;
 
-pub use drive::Drive;
-pub use gateway::Gateway;
-pub use line::Line;
+pub use drive::PageDrive;
+pub use gateway::PageGateway;
+pub use line::PageLine;
 pub use line_use::LineUse;
-pub use trend::Trends;
+pub use trend::DriveTrends;
 
-use super::clock::Clock;
+use super::clock::LabelClock;
 use crate::domain::time::MonoTime;
 
 /// The present, and the format of its moments.
 #[derive(Clone, Copy, Debug)]
-pub struct Present<'c> {
+pub struct PageMoment<'c> {
     /// Now.
     pub now: MonoTime,
     /// Writes moments.
-    pub clock: &'c Clock,
+    pub clock: &'c LabelClock,
 }
 
-impl Present<'_> {
+impl PageMoment<'_> {
     /// Now, as RFC 3339 in UTC.
     #[must_use]
     pub fn text(&self) -> String {

@@ -1,13 +1,13 @@
 //! Shared by the tests of this room: drives of the built-in models, and views of them.
 
-use super::drive::Drive;
+use super::drive::PageDrive;
 use crate::domain::ids::{DriveIndex, Name, Station, UnitId};
 use crate::domain::time::{MonoTime, WallTime};
-use crate::drive::description::{DriveDescription, DriveRef, Points, Ratings};
-use crate::drive::plan::Pace;
-use crate::drive::snapshot::Presence;
+use crate::drive::description::{DriveDescription, DriveRatings, DriveRef, PointSettings};
+use crate::drive::plan::PollPace;
+use crate::drive::snapshot::DrivePresence;
 use crate::drive::view::{ControlView, DriveView, RunState};
-use crate::north::clock::{Clock, Moment};
+use crate::north::clock::{ClockMoment, LabelClock};
 use crate::profile::catalog::Catalog;
 use crate::vendors;
 use std::sync::Arc;
@@ -19,8 +19,8 @@ pub(super) const NOW: MonoTime = MonoTime::from_millis(1_000_000);
 pub(super) const NOW_TEXT: &str = "2024-01-31T08:00:00.000Z";
 
 /// A clock at which it is [`NOW`].
-pub(super) fn clock() -> Clock {
-    Clock::new(Moment {
+pub(super) fn clock() -> LabelClock {
+    LabelClock::new(ClockMoment {
         mono: NOW,
         wall: WallTime {
             unix_ms: 1_706_688_000_000,
@@ -53,13 +53,13 @@ pub(super) fn description(model: &str) -> DriveDescription {
         unit: UnitId::new(3).unwrap(),
         uniform_unit: UnitId::new(103).unwrap(),
         group: None,
-        pace: Pace::new(Duration::from_secs(1), 1.0),
-        ratings: Ratings {
+        pace: PollPace::new(Duration::from_secs(1), 1.0),
+        ratings: DriveRatings {
             current_ma: Some(10_000),
             voltage_mv: Some(400_000),
         },
         control: Some(Arc::new(crate::drive::testing::control())),
-        points: Points::default(),
+        points: PointSettings::default(),
     }
 }
 
@@ -70,7 +70,7 @@ pub(super) fn view(description: &DriveDescription, word: u16) -> DriveView {
         run_state: RunState::Stopped,
         ..DriveView::default()
     };
-    view.snapshot.presence = Presence::Online;
+    view.snapshot.presence = DrivePresence::Online;
     for register in description
         .model
         .registers
@@ -85,8 +85,8 @@ pub(super) fn view(description: &DriveDescription, word: u16) -> DriveView {
 }
 
 /// Both together.
-pub(super) fn drive<'d>(description: &'d DriveDescription, view: &'d DriveView) -> Drive<'d> {
-    Drive {
+pub(super) fn drive<'d>(description: &'d DriveDescription, view: &'d DriveView) -> PageDrive<'d> {
+    PageDrive {
         description,
         view,
         station: Some(Station(3)),

@@ -1,13 +1,13 @@
 //! Documents of drives of every built-in model, of lines, and the advice on them.
 
-use super::gateway::{BrokerWay, JournalState};
-use super::line_use::Rates;
+use super::gateway::{BrokerWay, PageJournal};
+use super::line_use::LineRates;
 use super::testing::{NOW, NOW_TEXT, clock, description, drive, models, view};
 use super::trend::{ROWS_MAX, STEP};
-use super::{Drive, Gateway, Line, Present, Trends, trips};
+use super::{DriveTrends, PageDrive, PageGateway, PageLine, PageMoment, trips};
 use crate::domain::command::{Outcome, Owner, Reason, Report, RunIntent};
 use crate::domain::control::FailSafe;
-use crate::domain::fail_safe::{Cause, FailSafeRun, FailSafeStage};
+use crate::domain::fail_safe::{FailSafeCause, FailSafeRun, FailSafeStage};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{Name, Station};
 use crate::domain::link::{Interface, Wiring};
@@ -15,16 +15,16 @@ use crate::domain::report::{
     LineFault, LineMeasured, LineQuality, LineReport, LineState, StopBounds,
 };
 use crate::domain::standby::{LineRole, StandbyReport, StandbyTrouble};
-use crate::domain::suspicion::Suspicion;
+use crate::domain::suspicion::LineSuspicion;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::sight::{LastSeen, SeenAt, SightView};
-use crate::drive::snapshot::Presence;
+use crate::drive::snapshot::DrivePresence;
 use crate::drive::view::{DriveView, RunState, TripRecord};
 use crate::drive::watchdog::{WatchdogState, WatchdogView};
-use crate::north::broker::Oversized;
-use crate::north::finding::{Severity, Sign, ranked};
-use crate::profile::model::{PollClass, Register, Role};
+use crate::north::broker::OversizedPublication;
+use crate::north::finding::{FindingSign, Severity, ranked};
+use crate::profile::model::{PollClass, Register, RegisterRole};
 use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::Duration;
@@ -35,7 +35,7 @@ const SETTING: u16 = 0x0201;
 const FREQUENCY_SOURCE: u16 = 0x0211;
 
 fn document(description: &DriveDescription, view: &DriveView, now: MonoTime) -> Value {
-    drive(description, view).document(&Present {
+    drive(description, view).document(&PageMoment {
         now,
         clock: &clock(),
     })
@@ -59,9 +59,9 @@ fn a_warning_that_is_a_field_of_a_word_is_shown_alone() {
     let register = model
         .registers
         .iter_mut()
-        .find(|it| it.role == Some(Role::TripCode))
+        .find(|it| it.role == Some(RegisterRole::TripCode))
         .unwrap();
-    register.role = Some(Role::WarningBits);
+    register.role = Some(RegisterRole::WarningBits);
     register.form.mask = 0x00F0;
     description.model = Arc::new(model);
     let warning = |word| document(&description, &view(&description, word), NOW)["warning"].clone();
@@ -314,7 +314,7 @@ fn a_drive_that_cannot_be_asked_is_offline() {
         run_state: RunState::Forward,
         ..view(&description, 0)
     };
-    view.snapshot.presence = Presence::Offline;
+    view.snapshot.presence = DrivePresence::Offline;
     let shown = document(&description, &view, NOW);
     assert_eq!(
         (&shown["presence"], &shown["run_state"]),
@@ -346,7 +346,7 @@ fn trips_are_reported_once_with_their_text_and_their_end() {
     after.trip.seen = 1;
     after.trip.last = Some(record);
     let clock = clock();
-    let present = Present {
+    let present = PageMoment {
         now: NOW + Duration::from_millis(400),
         clock: &clock,
     };
@@ -464,7 +464,11 @@ fn a_watchdog_a_stop_without_effect_and_a_refusal_are_reported() {
     view.status.bus_run = Some(false);
     let control = view.control.as_mut().unwrap();
     control.not_effective = true;
-    control.failsafe = Some(FailSafeRun::due(FailSafe::Stop, Cause::CommanderLost, NOW));
+    control.failsafe = Some(FailSafeRun::due(
+        FailSafe::Stop,
+        FailSafeCause::CommanderLost,
+        NOW,
+    ));
     control.last = Some(Report::new(Outcome::Failed, Reason::KeptOldValue));
     let said = advice(&description, &view);
     let has = |severity, part: &str| {
@@ -501,7 +505,7 @@ fn a_watchdog_a_stop_without_effect_and_a_refusal_are_reported() {
 #[test]
 fn a_declared_action_is_called_by_its_cause_and_by_the_stage_that_it_has_reached() {
     let description = description("hyundai-n700");
-    for cause in Cause::ALL {
+    for cause in FailSafeCause::ALL {
         for stage in FailSafeStage::ALL {
             let mut view = view(&description, 0);
             let due = FailSafeRun::due(FailSafe::Coast, cause, NOW);
@@ -509,12 +513,15 @@ fn a_declared_action_is_called_by_its_cause_and_by_the_stage_that_it_has_reached
             let said = drive(&description, &view).advice(Interface::Rs485, NOW);
             let told: Vec<_> = said
                 .iter()
-                .filter(|it| matches!(it.sign, Sign::CommanderLost | Sign::FailSafe))
+                .filter(|it| matches!(it.sign, FindingSign::CommanderLost | FindingSign::FailSafe))
                 .collect();
             let [told] = told.as_slice() else {
                 panic!("{said:?}")
             };
-            assert_eq!(told.sign == Sign::CommanderLost, cause.is_lost_commander());
+            assert_eq!(
+                told.sign == FindingSign::CommanderLost,
+                cause.is_lost_commander()
+            );
             let text = told.text.to_string();
             assert!(
                 text.contains("coast") && !text.contains("finding."),
@@ -527,7 +534,7 @@ fn a_declared_action_is_called_by_its_cause_and_by_the_stage_that_it_has_reached
             );
             assert_eq!(
                 text.contains("commander was lost"),
-                cause == Cause::CommanderLost,
+                cause == FailSafeCause::CommanderLost,
                 "{text}"
             );
         }
@@ -547,7 +554,7 @@ fn a_drive_that_may_still_run_is_the_first_problem_whether_the_line_is_up_or_dow
     ] {
         let mut view = view(&description, 0);
         view.line_is_up = line_is_up;
-        view.snapshot.presence = Presence::Offline;
+        view.snapshot.presence = DrivePresence::Offline;
         let last_seen = Some(LastSeen {
             run_state: RunState::Forward,
             output,
@@ -560,7 +567,7 @@ fn a_drive_that_may_still_run_is_the_first_problem_whether_the_line_is_up_or_dow
         let said = ranked(drive(&description, &view).advice(Interface::Rs485, NOW));
         let text = said[0].text.to_string();
         assert!(
-            said[0].sign == Sign::MayStillRun
+            said[0].sign == FindingSign::MayStillRun
                 && text.contains("MAY STILL RUN")
                 && text.contains(part),
             "{said:?}"
@@ -575,16 +582,16 @@ fn a_warning_is_told_as_long_as_it_is_fresh_and_the_drive_answers() {
     let register = model
         .registers
         .iter_mut()
-        .find(|it| it.role == Some(Role::TripCode))
+        .find(|it| it.role == Some(RegisterRole::TripCode))
         .unwrap();
-    register.role = Some(Role::WarningCode);
+    register.role = Some(RegisterRole::WarningCode);
     let address = register.address;
     description.model = Arc::new(model);
     let mut view = view(&description, 0);
     view.snapshot.take(address, &[0], NOW);
     let told = |view: &DriveView, at| {
         let said = drive(&description, view).advice(Interface::Rs485, at);
-        let warns = said.into_iter().find(|it| it.sign == Sign::Warns)?;
+        let warns = said.into_iter().find(|it| it.sign == FindingSign::Warns)?;
         Some((warns.severity, warns.text.to_string()))
     };
     assert_eq!(told(&view, NOW), None);
@@ -592,7 +599,7 @@ fn a_warning_is_told_as_long_as_it_is_fresh_and_the_drive_answers() {
     let text = "the drive warns: code 9; it goes on, and may trip if the cause stays".to_owned();
     assert_eq!(told(&view, NOW), Some((Severity::Hint, text)));
     assert_eq!(told(&view, NOW + Duration::from_secs(600)), None, "too old");
-    view.snapshot.presence = Presence::Offline;
+    view.snapshot.presence = DrivePresence::Offline;
     assert_eq!(told(&view, NOW), None);
 }
 
@@ -609,7 +616,7 @@ fn a_tripped_drive_is_the_first_of_all_problems() {
         .find(|it| it.text.to_string().starts_with("the drive is tripped: 16"))
         .unwrap();
     assert_eq!(
-        (tripped.severity, tripped.severity.word()),
+        (tripped.severity, tripped.severity.keyword()),
         (Severity::Trip, "problem")
     );
     let others = said
@@ -618,14 +625,14 @@ fn a_tripped_drive_is_the_first_of_all_problems() {
         .cloned();
     let all = ranked(others.chain([tripped.clone()]));
     assert_eq!(all.first(), Some(tripped));
-    view.snapshot.presence = Presence::Offline;
+    view.snapshot.presence = DrivePresence::Offline;
     assert!(
         advice(&description, &view)
             .iter()
             .all(|(_, text)| !text.contains("tripped")),
         "it is unknown by now"
     );
-    view.snapshot.presence = Presence::Online;
+    view.snapshot.presence = DrivePresence::Online;
     view.trip.active = Some(false);
     assert!(
         advice(&description, &view)
@@ -677,20 +684,20 @@ fn up() -> LineReport {
     }
 }
 
-fn with_line<T>(report: LineReport, hangs: bool, made: impl FnOnce(&Line<'_>) -> T) -> T {
+fn with_line<T>(report: LineReport, hangs: bool, made: impl FnOnce(&PageLine<'_>) -> T) -> T {
     let name = |text| Name::new(text).unwrap();
     let wiring = Wiring {
         port: "/dev/ttyS0".to_owned(),
         stations: vec![Station(3)],
         ..Wiring::default()
     };
-    let rates = Some(Rates {
+    let rates = Some(LineRates {
         use_per_cent: 33.333,
         exchanges_per_s: 12.0,
     });
     let line = name("hall-1");
     let pump = name("pump-1");
-    made(&Line {
+    made(&PageLine {
         name: &line,
         interface: Interface::Rs485,
         wiring: &wiring,
@@ -731,7 +738,7 @@ fn a_line_in_trouble_says_what_to_look_at() {
         );
         advice
             .into_iter()
-            .map(|it| format!("{}: {}", it.severity.word(), it.text))
+            .map(|it| format!("{}: {}", it.severity.keyword(), it.text))
             .collect()
     };
     assert_eq!(said(up(), false), [] as [&str; 0]);
@@ -767,7 +774,7 @@ fn a_line_in_trouble_says_what_to_look_at() {
     assert!(hung[0].contains("restart the gateway"), "{hung:?}");
     let suspected = said(
         LineReport {
-            suspicion: Some(Suspicion::DuplicateStation(Station(3))),
+            suspicion: Some(LineSuspicion::DuplicateStation(Station(3))),
             ..up()
         },
         false,
@@ -840,17 +847,24 @@ fn a_line_with_several_gateways_tells_who_sends() {
         |role, hears_other, rivals| told(role, hears_other, rivals, StandbyTrouble::default());
     assert_eq!(said(LineRole::Listening, true, 0), []);
     assert_eq!(said(LineRole::Active, false, 0), []);
-    assert_eq!(said(LineRole::Listening, false, 0), [Sign::NoGatewayActive]);
+    assert_eq!(
+        said(LineRole::Listening, false, 0),
+        [FindingSign::NoGatewayActive]
+    );
     assert_eq!(
         said(LineRole::Active, false, 2),
-        [Sign::NoListener, Sign::RivalOnLine]
+        [FindingSign::NoListener, FindingSign::RivalOnLine]
     );
     let trouble = StandbyTrouble {
         is_deaf: true,
         files_differ: true,
         unknown_station: Some(Station(9)),
     };
-    let signs = [Sign::LineDeaf, Sign::FilesDiffer, Sign::Stranger];
+    let signs = [
+        FindingSign::LineDeaf,
+        FindingSign::FilesDiffer,
+        FindingSign::Stranger,
+    ];
     assert_eq!(told(LineRole::Listening, true, 0, trouble), signs);
 }
 
@@ -862,12 +876,12 @@ fn a_drive_shows_whether_its_gateway_is_on_standby() {
         (None, json!(null)),
         (Some(LineRole::Listening), json!("listening")),
     ] {
-        let drive = Drive {
+        let drive = PageDrive {
             standby,
             ..drive(&description, &view)
         };
         assert_eq!(
-            drive.document(&Present {
+            drive.document(&PageMoment {
                 now: NOW,
                 clock: &clock()
             })["standby"],
@@ -878,7 +892,7 @@ fn a_drive_shows_whether_its_gateway_is_on_standby() {
 
 #[test]
 fn the_gateway_tells_of_its_broker_and_its_journal() {
-    let sound = Gateway {
+    let sound = PageGateway {
         name: "plant-a".to_owned(),
         started_at: NOW_TEXT.to_owned(),
         is_ready: true,
@@ -886,7 +900,7 @@ fn the_gateway_tells_of_its_broker_and_its_journal() {
             is_connected: true,
             ..BrokerWay::default()
         }),
-        journal: Some(JournalState {
+        journal: Some(PageJournal {
             state: "ok",
             is_ok: true,
             reason: None,
@@ -903,7 +917,7 @@ fn the_gateway_tells_of_its_broker_and_its_journal() {
         (&json!(61), &json!(true))
     );
     assert_eq!(shown["journal"], json!({ "state": "ok", "reason": null }));
-    let journal = JournalState {
+    let journal = PageJournal {
         state: "failed",
         is_ok: false,
         reason: Some("disk full".to_owned()),
@@ -916,7 +930,7 @@ fn the_gateway_tells_of_its_broker_and_its_journal() {
         lost_reason,
         ..BrokerWay::default()
     };
-    let said = Gateway {
+    let said = PageGateway {
         mqtt: Some(away),
         ..sound.clone()
     }
@@ -933,7 +947,7 @@ fn the_gateway_tells_of_its_broker_and_its_journal() {
         is_partner_missing: true,
         ..BrokerWay::default()
     };
-    let said = Gateway {
+    let said = PageGateway {
         mqtt: Some(alone),
         ..sound.clone()
     }
@@ -943,7 +957,7 @@ fn the_gateway_tells_of_its_broker_and_its_journal() {
         "{said:?}"
     );
     let topic = "vfd/plant-a/drive/pump-1/state".to_owned();
-    let oversized = vec![Oversized {
+    let oversized = vec![OversizedPublication {
         topic,
         bytes: 2_612,
         limit: 2_000,
@@ -955,7 +969,7 @@ fn the_gateway_tells_of_its_broker_and_its_journal() {
         clients_gone,
         ..BrokerWay::default()
     };
-    let said = Gateway {
+    let said = PageGateway {
         mqtt: Some(restrained),
         ..sound.clone()
     }
@@ -979,7 +993,7 @@ fn the_gateway_tells_of_its_broker_and_its_journal() {
         is_contested: true,
         ..BrokerWay::default()
     });
-    let said: Vec<_> = Gateway {
+    let said: Vec<_> = PageGateway {
         mqtt,
         journal: Some(journal),
         ..sound
@@ -1006,7 +1020,7 @@ fn the_trend_of_every_model_has_the_columns_that_it_can_fill() {
     for model in models() {
         let description = description(&model);
         let view = view(&description, 2999);
-        let mut trends = Trends::default();
+        let mut trends = DriveTrends::default();
         trends.change_to([&description]);
         trends.note(NOW, [drive(&description, &view)]);
         let shown = trends.document("pump-1", 1_706_688_000).unwrap();
@@ -1028,15 +1042,15 @@ fn the_trend_of_every_model_has_the_columns_that_it_can_fill() {
             (&json!(2), &json!(1_706_688_000))
         );
     }
-    assert!(Trends::default().document("pump-1", 0).is_none());
+    assert!(DriveTrends::default().document("pump-1", 0).is_none());
 }
 
 #[test]
 fn a_trend_keeps_an_hour_with_gaps_where_nothing_was_known() {
     let description = description("hyundai-n700");
-    let mut trends = Trends::default();
+    let mut trends = DriveTrends::default();
     trends.change_to([&description]);
-    let rows = |trends: &Trends| {
+    let rows = |trends: &DriveTrends| {
         trends.document("pump-1", 0).unwrap()["values"][0]
             .as_array()
             .unwrap()
@@ -1075,13 +1089,13 @@ fn a_trend_keeps_an_hour_with_gaps_where_nothing_was_known() {
 fn a_drive_that_stays_the_same_keeps_its_trend_over_a_change_of_the_configuration() {
     let old = description("hyundai-n700");
     let mut other = description("teco-e510");
-    let mut trends = Trends::default();
+    let mut trends = DriveTrends::default();
     trends.change_to([&old]);
     let view = view(&old, 100);
     trends.note(NOW, [drive(&old, &view)]);
     other.name = Name::new("pump-2").unwrap();
     trends.change_to([&other, &old]);
-    let rows = |trends: &Trends, name| {
+    let rows = |trends: &DriveTrends, name| {
         trends
             .document(name, 0)
             .map(|it| it["values"][0].as_array().unwrap().len())

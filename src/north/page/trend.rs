@@ -1,13 +1,13 @@
 //! The trend of the last hour: a few values of each drive, every two seconds.
 
-use super::drive::Drive;
+use super::drive::PageDrive;
 use crate::domain::ids::Name;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
-use crate::drive::rated::Rated;
+use crate::drive::rated::RatedConversion;
 use crate::north::shown::fresh;
-use crate::profile::model::{Register, Role};
-use crate::profile::scale::Scaled;
+use crate::profile::model::{Register, RegisterRole};
+use crate::profile::scale::ScaledValue;
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -21,18 +21,18 @@ const USUAL_DIGITS: u8 = 2;
 
 /// The trends of all drives. A drive has at most [`ROWS_MAX`] rows of four numbers, 29 kB.
 #[derive(Clone, Debug, Default)]
-pub struct Trends {
-    drives: BTreeMap<Name, Trend>,
+pub struct DriveTrends {
+    drives: BTreeMap<Name, DriveTrend>,
     /// Steps of the clock up to the newest row.
     newest: Option<u64>,
 }
 
-impl Trends {
+impl DriveTrends {
     /// Takes over these drives. What is known of one that is unchanged continues.
     pub fn change_to<'d>(&mut self, drives: impl IntoIterator<Item = &'d DriveDescription>) {
         let mut old = std::mem::take(&mut self.drives);
         for drive in drives {
-            let new = Trend::of(drive);
+            let new = DriveTrend::of(drive);
             let known = old
                 .remove(&drive.name)
                 .filter(|known| known.columns == new.columns);
@@ -47,7 +47,7 @@ impl Trends {
     }
 
     /// Takes a row of each of `drives`. Rows that were missed are empty: after a suspend, for example.
-    pub fn note<'d>(&mut self, now: MonoTime, drives: impl IntoIterator<Item = Drive<'d>>) {
+    pub fn note<'d>(&mut self, now: MonoTime, drives: impl IntoIterator<Item = PageDrive<'d>>) {
         let step = steps(now);
         let missed = self
             .newest
@@ -77,7 +77,7 @@ impl Trends {
             "drive": name,
             "step_s": STEP.as_secs(),
             "end_at_s": end_at_s,
-            "columns": trend.columns.iter().map(Column::document).collect::<Vec<_>>(),
+            "columns": trend.columns.iter().map(TrendColumn::document).collect::<Vec<_>>(),
             "values": trend.values(),
         }))
     }
@@ -89,29 +89,29 @@ fn steps(now: MonoTime) -> u64 {
 
 /// The trend of one drive.
 #[derive(Clone, Debug)]
-struct Trend {
-    columns: Vec<Column>,
+struct DriveTrend {
+    columns: Vec<TrendColumn>,
     /// Row by row, oldest first; NaN if unknown. As exact as a register word.
     cells: VecDeque<f32>,
 }
 
-impl Trend {
+impl DriveTrend {
     fn of(drive: &DriveDescription) -> Self {
-        let column = |role| Column::of_register(drive, drive.model.register_for(role)?);
+        let column = |role| TrendColumn::of_register(drive, drive.model.register_for(role)?);
         let [output, current, voltage] = [
-            Role::OutputFrequency,
-            Role::OutputCurrent,
-            Role::DcLinkVoltage,
+            RegisterRole::OutputFrequency,
+            RegisterRole::OutputCurrent,
+            RegisterRole::DcLinkVoltage,
         ]
         .map(column);
-        let columns = [output, Column::of_setpoint(drive), current, voltage];
+        let columns = [output, TrendColumn::of_setpoint(drive), current, voltage];
         Self {
             columns: columns.into_iter().flatten().collect(),
             cells: VecDeque::new(),
         }
     }
 
-    fn push(&mut self, value: impl Fn(&Column) -> Option<f64>) {
+    fn push(&mut self, value: impl Fn(&TrendColumn) -> Option<f64>) {
         if self.cells.len() >= ROWS_MAX * self.columns.len() {
             self.cells.drain(..self.columns.len().min(self.cells.len()));
         }
@@ -139,34 +139,34 @@ impl Trend {
 
 /// One value of a drive.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Column {
+pub(super) struct TrendColumn {
     pub name: String,
     pub label: String,
     pub unit: &'static str,
     pub digits: u8,
-    source: Source,
+    source: ColumnSource,
 }
 
 /// Where a value comes from.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Source {
+pub(super) enum ColumnSource {
     /// The polled register with this name.
     Register(String),
     /// The polled register with this name, shown in per cent of a rated value.
-    Rated(String, Rated),
+    Rated(String, RatedConversion),
     /// The setpoint.
     Setpoint,
 }
 
-impl Column {
+impl TrendColumn {
     pub fn of_register(drive: &DriveDescription, register: &Register) -> Option<Self> {
         register.poll?;
         let name = register.name.clone();
         let label = register.title.clone();
-        Some(match Rated::of(register, &drive.ratings) {
+        Some(match RatedConversion::of(register, &drive.ratings) {
             Some(rated) => {
                 let unit = rated.unit.symbol();
-                let source = Source::Rated(register.name.clone(), rated);
+                let source = ColumnSource::Rated(register.name.clone(), rated);
                 Self {
                     name,
                     label,
@@ -177,7 +177,7 @@ impl Column {
             }
             None => {
                 let unit = register.unit.symbol();
-                let source = Source::Register(register.name.clone());
+                let source = ColumnSource::Register(register.name.clone());
                 Self {
                     name,
                     label,
@@ -205,7 +205,7 @@ impl Column {
             label,
             unit: "Hz",
             digits,
-            source: Source::Setpoint,
+            source: ColumnSource::Setpoint,
         })
     }
 
@@ -219,7 +219,7 @@ impl Column {
     }
 
     /// The value, unless it is stale.
-    pub fn read(&self, drive: &Drive<'_>, now: MonoTime) -> Option<f64> {
+    pub fn read(&self, drive: &PageDrive<'_>, now: MonoTime) -> Option<f64> {
         self.source.read(drive, now)
     }
 
@@ -230,9 +230,9 @@ impl Column {
     }
 }
 
-impl Source {
+impl ColumnSource {
     /// The value, unless it is stale.
-    fn read(&self, drive: &Drive<'_>, now: MonoTime) -> Option<f64> {
+    fn read(&self, drive: &PageDrive<'_>, now: MonoTime) -> Option<f64> {
         let read = |name: &str| {
             let register = drive
                 .description
@@ -244,7 +244,7 @@ impl Source {
         };
         match self {
             Self::Setpoint => drive.setpoint(now),
-            Self::Register(name) => read(name).map(Scaled::value),
+            Self::Register(name) => read(name).map(ScaledValue::value),
             Self::Rated(name, rated) => {
                 read(name).map(|value| rated.to_digits(value, USUAL_DIGITS).value())
             }

@@ -1,6 +1,6 @@
 //! Trips and their clearings, derived from two consecutive views of a drive.
 
-use super::Present;
+use super::PageMoment;
 use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
 use crate::journal::trip;
@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 /// What happened between two views of `drive`, in order. Of several trips between them the newest is reported.
 #[must_use]
 pub fn between(
-    present: &Present<'_>,
+    present: &PageMoment<'_>,
     drive: &DriveDescription,
     before: &DriveView,
     after: &DriveView,

@@ -1,18 +1,18 @@
 //! The report of a line as a document.
 
 use super::rules::verdict;
-use super::{DriveObserved, Observed};
+use super::{DriveObserved, LineObserved};
 use crate::domain::ids::Name;
 use crate::domain::link::Wiring;
 use crate::domain::report::{LineState, REPLY_CLASSES, ReplyReport};
-use crate::drive::snapshot::Presence;
+use crate::drive::snapshot::DrivePresence;
 use crate::north::finding::{self, Finding};
 use serde_json::{Value, json};
 use std::time::Duration;
 
 /// What was `observed` on the line called `name`, with its verdict.
 #[must_use]
-pub fn document(name: &Name, wiring: &Wiring, observed: &Observed) -> Value {
+pub fn document(name: &Name, wiring: &Wiring, observed: &LineObserved) -> Value {
     let line = &observed.line;
     let is_up = line.state == LineState::Up;
     json!({
@@ -23,7 +23,7 @@ pub fn document(name: &Name, wiring: &Wiring, observed: &Observed) -> Value {
         "port": wiring.port,
         "link": wiring.characters().map(|link| link.to_string()),
         "observed_s": (observed.time.as_secs_f64() * 10.0).round() / 10.0,
-        "suspicion": line.suspicion.map(|suspicion| suspicion.word()),
+        "suspicion": line.suspicion.map(|suspicion| suspicion.keyword()),
         "verdict": verdict(name, observed).iter().map(Finding::document).collect::<Vec<_>>(),
         "rates": rates(observed),
         "drives": observed.drives.iter().map(|it| drive(it, is_up)).collect::<Vec<_>>(),
@@ -31,7 +31,7 @@ pub fn document(name: &Name, wiring: &Wiring, observed: &Observed) -> Value {
 }
 
 /// Shares are of all exchanges; null if there were none.
-fn rates(observed: &Observed) -> Value {
+fn rates(observed: &LineObserved) -> Value {
     let all = observed.exchanges();
     let per_mille =
         |count: u64| (all > 0).then(|| (count as f64 * 10_000.0 / all as f64).round() / 10.0);
@@ -63,9 +63,9 @@ fn drive(drive: &DriveObserved, line_is_up: bool) -> Value {
         "name": now.name.as_str(),
         "station": now.station.0,
         "presence": match now.presence {
-            Presence::Unknown => "unknown",
-            Presence::Online if line_is_up => "online",
-            Presence::Online | Presence::Offline => "offline",
+            DrivePresence::Unknown => "unknown",
+            DrivePresence::Online if line_is_up => "online",
+            DrivePresence::Online | DrivePresence::Offline => "offline",
         },
         "exchanges": exchanges.total(),
         "silent": drive.silent(),

@@ -1,11 +1,11 @@
 //! Findings about one drive.
 
 use super::rules::{ENOUGH, FindingText, SIGNS, graded};
-use super::{DriveObserved, Observed};
+use super::{DriveObserved, LineObserved};
 use crate::domain::counts::DamageCounts;
 use crate::domain::report::REPLY_CLASSES;
-use crate::domain::suspicion::Suspicion;
-use crate::drive::snapshot::Presence;
+use crate::domain::suspicion::LineSuspicion;
+use crate::drive::snapshot::DrivePresence;
 use crate::north::finding::{self, Severity};
 use crate::north::texts::Sentence;
 use std::time::Duration;
@@ -17,26 +17,28 @@ const ALONE_TIMES: u64 = 10;
 /// This many exceptions in a thousand exchanges are no accident.
 const EXCEPTIONS_PER_MILLE: u64 = 50;
 
-pub(super) fn offline(seen: &Observed, drive: &DriveObserved) -> FindingText {
+pub(super) fn offline(seen: &LineObserved, drive: &DriveObserved) -> FindingText {
     let station = drive.now.station;
     let is_told = match seen.line.suspicion {
-        Some(Suspicion::OneSilent(silent) | Suspicion::OneUnitSilent(silent)) => silent == station,
+        Some(LineSuspicion::OneSilent(silent) | LineSuspicion::OneUnitSilent(silent)) => {
+            silent == station
+        }
         suspicion => suspicion.is_some(),
     };
-    let is_silent = drive.now.presence == Presence::Offline && silent(seen, drive).is_none();
+    let is_silent = drive.now.presence == DrivePresence::Offline && silent(seen, drive).is_none();
     let is_offline = seen.is_up() && is_silent && !is_told;
     is_offline.then(|| (Severity::Problem, finding::offline(Some(station))))
 }
 
-pub(super) fn warns(_: &Observed, drive: &DriveObserved) -> FindingText {
+pub(super) fn warns(_: &LineObserved, drive: &DriveObserved) -> FindingText {
     let warning = drive.now.warning.clone()?;
     Some((Severity::Hint, finding::warns(warning)))
 }
 
-pub(super) fn duplicate_station(seen: &Observed, drive: &DriveObserved) -> FindingText {
+pub(super) fn duplicate_station(seen: &LineObserved, drive: &DriveObserved) -> FindingText {
     let station = drive.now.station;
     let doubled = drive.damage.doubled;
-    let is_told = seen.line.suspicion == Some(Suspicion::DuplicateStation(station));
+    let is_told = seen.line.suspicion == Some(LineSuspicion::DuplicateStation(station));
     let text = || {
         Sentence::new("finding.duplicate_station")
             .with("answers", doubled)
@@ -45,17 +47,17 @@ pub(super) fn duplicate_station(seen: &Observed, drive: &DriveObserved) -> Findi
     (doubled >= SIGNS && !is_told).then(|| (Severity::Problem, text()))
 }
 
-pub(super) fn late_beyond_limit(seen: &Observed, drive: &DriveObserved) -> FindingText {
+pub(super) fn late_beyond_limit(seen: &LineObserved, drive: &DriveObserved) -> FindingText {
     let station = drive.now.station;
     let beyond = drive.damage.beyond_limit;
-    let is_told = seen.line.suspicion == Some(Suspicion::LateBeyondLimit(station));
+    let is_told = seen.line.suspicion == Some(LineSuspicion::LateBeyondLimit(station));
     let text = || Sentence::new("finding.late_beyond_limit").with("replies", beyond);
     (beyond > 0 && !is_told).then(|| (Severity::Problem, text()))
 }
 
 /// Where damage is. Each names one cause; the first that applies takes precedence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Pattern {
+enum DamagePattern {
     FirstCharacters,
     Cut,
     LongFrames,
@@ -63,20 +65,20 @@ enum Pattern {
     Spread,
 }
 
-pub(super) fn first_characters(seen: &Observed, drive: &DriveObserved) -> FindingText {
+pub(super) fn first_characters(seen: &LineObserved, drive: &DriveObserved) -> FindingText {
     let DamageCounts { head, damaged, .. } = drive.damage;
-    said(seen, drive, Pattern::FirstCharacters, || {
+    said(seen, drive, DamagePattern::FirstCharacters, || {
         Sentence::new("finding.first_characters")
             .with("replies", head)
             .with("damaged", damaged)
     })
 }
 
-pub(super) fn cut(seen: &Observed, drive: &DriveObserved) -> FindingText {
+pub(super) fn cut(seen: &LineObserved, drive: &DriveObserved) -> FindingText {
     let DamageCounts { cut, damaged, .. } = drive.damage;
     // A contact that is loose lets some replies through.
     let is_always = cut == damaged && drive.exchanges.replies + drive.exchanges.exceptions == 0;
-    said(seen, drive, Pattern::Cut, || {
+    said(seen, drive, DamagePattern::Cut, || {
         let text = Sentence::new(if is_always {
             "finding.cut_always"
         } else {
@@ -86,23 +88,23 @@ pub(super) fn cut(seen: &Observed, drive: &DriveObserved) -> FindingText {
     })
 }
 
-pub(super) fn long_frames(seen: &Observed, drive: &DriveObserved) -> FindingText {
+pub(super) fn long_frames(seen: &LineObserved, drive: &DriveObserved) -> FindingText {
     let DamageCounts {
         damaged,
         long_damaged,
         ..
     } = drive.damage;
-    said(seen, drive, Pattern::LongFrames, || {
+    said(seen, drive, DamagePattern::LongFrames, || {
         Sentence::new("finding.long_frames")
             .with("replies", long_damaged)
             .with("damaged", damaged)
     })
 }
 
-pub(super) fn one_station(seen: &Observed, drive: &DriveObserved) -> FindingText {
+pub(super) fn one_station(seen: &LineObserved, drive: &DriveObserved) -> FindingText {
     let damaged = drive.damage.damaged;
     let all = drive.exchanges.total();
-    said(seen, drive, Pattern::OneStation, || {
+    said(seen, drive, DamagePattern::OneStation, || {
         let alone = Sentence::new("finding.one_station")
             .with("damaged", damaged)
             .with("replies", all);
@@ -110,10 +112,10 @@ pub(super) fn one_station(seen: &Observed, drive: &DriveObserved) -> FindingText
     })
 }
 
-pub(super) fn damaged(seen: &Observed, drive: &DriveObserved) -> FindingText {
+pub(super) fn damaged(seen: &LineObserved, drive: &DriveObserved) -> FindingText {
     let damaged = drive.damage.damaged;
     let all = drive.exchanges.total();
-    said(seen, drive, Pattern::Spread, || {
+    said(seen, drive, DamagePattern::Spread, || {
         Sentence::new("finding.damaged")
             .with("damaged", damaged)
             .with("replies", all)
@@ -121,9 +123,9 @@ pub(super) fn damaged(seen: &Observed, drive: &DriveObserved) -> FindingText {
 }
 
 fn said(
-    seen: &Observed,
+    seen: &LineObserved,
     drive: &DriveObserved,
-    pattern: Pattern,
+    pattern: DamagePattern,
     text: impl FnOnce() -> Sentence,
 ) -> FindingText {
     let severity = graded(drive.damage.damaged, drive.exchanges.total())?;
@@ -131,13 +133,13 @@ fn said(
     let is_told = seen.line.suspicion.is_some_and(|suspicion| {
         !matches!(
             suspicion,
-            Suspicion::OneSilent(_) | Suspicion::OneUnitSilent(_)
+            LineSuspicion::OneSilent(_) | LineSuspicion::OneUnitSilent(_)
         )
     });
     (!is_told && pattern_of(seen, drive) == pattern).then(|| (severity, text()))
 }
 
-fn pattern_of(seen: &Observed, drive: &DriveObserved) -> Pattern {
+fn pattern_of(seen: &LineObserved, drive: &DriveObserved) -> DamagePattern {
     let DamageCounts {
         damaged,
         head,
@@ -164,19 +166,19 @@ fn pattern_of(seen: &Observed, drive: &DriveObserved) -> Pattern {
     let is_alone =
         all_others >= ENOUGH && damaged * all_others >= ALONE_TIMES * of_others.max(1) * all;
     if head * 2 >= damaged {
-        Pattern::FirstCharacters
+        DamagePattern::FirstCharacters
     } else if cut * 2 >= damaged {
-        Pattern::Cut
+        DamagePattern::Cut
     } else if is_by_length {
-        Pattern::LongFrames
+        DamagePattern::LongFrames
     } else if is_alone {
-        Pattern::OneStation
+        DamagePattern::OneStation
     } else {
-        Pattern::Spread
+        DamagePattern::Spread
     }
 }
 
-pub(super) fn late(_: &Observed, drive: &DriveObserved) -> FindingText {
+pub(super) fn late(_: &LineObserved, drive: &DriveObserved) -> FindingText {
     let late = drive.damage.late;
     let severity = graded(late, drive.exchanges.total())?;
     let waited = drive
@@ -196,7 +198,7 @@ pub(super) fn late(_: &Observed, drive: &DriveObserved) -> FindingText {
 }
 
 /// Requests that are never answered, where late replies do not explain them.
-pub(super) fn silent(seen: &Observed, drive: &DriveObserved) -> FindingText {
+pub(super) fn silent(seen: &LineObserved, drive: &DriveObserved) -> FindingText {
     let silent = drive.silent();
     let all = drive.exchanges.total();
     let severity = graded(silent, all)?;
@@ -210,7 +212,7 @@ pub(super) fn silent(seen: &Observed, drive: &DriveObserved) -> FindingText {
     (is_there && !is_told).then(|| (severity, text()))
 }
 
-pub(super) fn timeout_short(_: &Observed, drive: &DriveObserved) -> FindingText {
+pub(super) fn timeout_short(_: &LineObserved, drive: &DriveObserved) -> FindingText {
     let replies = REPLY_CLASSES.into_iter().zip(&drive.now.report.replies);
     let (class, reply, suggested) = replies
         .filter_map(|(class, reply)| Some((class, reply, reply.suggested?)))
@@ -223,7 +225,7 @@ pub(super) fn timeout_short(_: &Observed, drive: &DriveObserved) -> FindingText 
     Some((Severity::Hint, text))
 }
 
-pub(super) fn exceptions(_: &Observed, drive: &DriveObserved) -> FindingText {
+pub(super) fn exceptions(_: &LineObserved, drive: &DriveObserved) -> FindingText {
     let exceptions = drive.exchanges.exceptions;
     let all = drive.exchanges.total();
     let is_much = exceptions >= SIGNS && exceptions * 1000 >= all * EXCEPTIONS_PER_MILLE;

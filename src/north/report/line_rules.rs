@@ -1,17 +1,17 @@
 //! Findings about a line as a whole.
 
-use super::Observed;
+use super::LineObserved;
 use super::rules::{ENOUGH, FindingText, SIGNS};
-use crate::domain::suspicion::Suspicion;
+use crate::domain::suspicion::LineSuspicion;
 use crate::north::finding::{self, Severity};
 use crate::north::texts::Sentence;
 
 /// The line's own suspicion: wiring, speed, parity, a duplicate station number, an echo, a jam.
-pub(super) fn suspicion(seen: &Observed) -> FindingText {
+pub(super) fn suspicion(seen: &LineObserved) -> FindingText {
     Some((Severity::Problem, finding::suspicion(seen.line.suspicion?)))
 }
 
-pub(super) fn down(seen: &Observed) -> FindingText {
+pub(super) fn down(seen: &LineObserved) -> FindingText {
     if seen.is_up() || seen.line.suspicion.is_some() {
         return None;
     }
@@ -22,25 +22,25 @@ pub(super) fn down(seen: &Observed) -> FindingText {
     ))
 }
 
-pub(super) fn port_lost(seen: &Observed) -> FindingText {
+pub(super) fn port_lost(seen: &LineObserved) -> FindingText {
     let text = || Sentence::new("finding.port_lost").with("times", seen.port_downs);
     (seen.port_downs > 0).then(|| (Severity::Problem, text()))
 }
 
-pub(super) fn suspended(seen: &Observed) -> FindingText {
+pub(super) fn suspended(seen: &LineObserved) -> FindingText {
     let bad = seen.line.quality.bad_per_cent.unwrap_or_default();
     (seen.is_up() && seen.line.quality.is_suspended)
         .then(|| (Severity::Problem, finding::suspended(bad)))
 }
 
-pub(super) fn other_master(seen: &Observed) -> FindingText {
-    let is_told = seen.line.suspicion == Some(Suspicion::OtherMaster);
+pub(super) fn other_master(seen: &LineObserved) -> FindingText {
+    let is_told = seen.line.suspicion == Some(LineSuspicion::OtherMaster);
     let text = || Sentence::new("finding.other_master").with("requests", seen.other_master);
     (seen.other_master >= SIGNS && !is_told && !is_shared(seen))
         .then(|| (Severity::Problem, text()))
 }
 
-pub(super) fn stranger(seen: &Observed) -> FindingText {
+pub(super) fn stranger(seen: &LineObserved) -> FindingText {
     let known = seen.sum(|drive| drive.damage.late + drive.damage.doubled);
     let strangers = (seen.strays + seen.foreign).saturating_sub(known);
     let text = || Sentence::new("finding.stranger").with("frames", strangers);
@@ -48,12 +48,12 @@ pub(super) fn stranger(seen: &Observed) -> FindingText {
 }
 
 /// Whether the line has several gateways: then requests of another one and their replies belong there.
-const fn is_shared(seen: &Observed) -> bool {
+const fn is_shared(seen: &LineObserved) -> bool {
     seen.line.standby.is_some()
 }
 
 /// Bytes when the line should be silent. A few are caused by the adapter's own change of direction.
-pub(super) fn floating(seen: &Observed) -> FindingText {
+pub(super) fn floating(seen: &LineObserved) -> FindingText {
     let led = seen.sum(|drive| drive.damage.led);
     let between = seen.noise_between;
     let text = || {
@@ -69,18 +69,18 @@ pub(super) fn floating(seen: &Observed) -> FindingText {
     (led + between >= SIGNS).then(|| (severity, text()))
 }
 
-pub(super) fn over_full(seen: &Observed) -> FindingText {
+pub(super) fn over_full(seen: &LineObserved) -> FindingText {
     let planned = seen.line.planned_use_per_mille;
     (planned > 1000).then(|| (Severity::Hint, finding::over_full(planned)))
 }
 
-pub(super) fn echo_stripped(seen: &Observed) -> FindingText {
-    let is_told = seen.line.suspicion == Some(Suspicion::Echo);
+pub(super) fn echo_stripped(seen: &LineObserved) -> FindingText {
+    let is_told = seen.line.suspicion == Some(LineSuspicion::Echo);
     let text = Sentence::new("finding.echo_stripped");
     (seen.is_up() && seen.echoes >= SIGNS && !is_told).then_some((Severity::Good, text))
 }
 
-pub(super) fn few_exchanges(seen: &Observed) -> FindingText {
+pub(super) fn few_exchanges(seen: &LineObserved) -> FindingText {
     let exchanges = seen.exchanges();
     let few = || Sentence::new("finding.few_exchanges").with("exchanges", exchanges);
     let text = || few().with("seconds", seen.time.as_secs());

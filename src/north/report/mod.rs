@@ -9,13 +9,13 @@ mod rules;
 mod testing;
 
 pub use document::document;
-pub use rules::{RULES, Rule, verdict};
+pub use rules::{FindingRule, RULES, verdict};
 
 use crate::domain::counts::{DamageCounts, ExchangeCounts};
 use crate::domain::ids::{Name, Station};
 use crate::domain::report::{LineReport, LineState, StationReport};
 use crate::domain::time::MonoTime;
-use crate::drive::snapshot::Presence;
+use crate::drive::snapshot::DrivePresence;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -38,7 +38,7 @@ pub struct DriveSeen {
     /// Its station number on the line.
     pub station: Station,
     /// Whether it answers, as last known.
-    pub presence: Presence,
+    pub presence: DrivePresence,
     /// What it warns of, as last known.
     pub warning: Option<String>,
     /// Its line's record of it.
@@ -47,7 +47,7 @@ pub struct DriveSeen {
 
 /// What happened on a line in a span of time.
 #[derive(Clone, Debug)]
-pub struct Observed {
+pub struct LineObserved {
     /// How long the span is.
     pub time: Duration,
     /// The line at its end.
@@ -81,7 +81,7 @@ pub struct DriveObserved {
     pub damage: DamageCounts,
 }
 
-impl Observed {
+impl LineObserved {
     /// What happened between `before` and `now`; since the start, at `started`, if `before` is `None`.
     #[must_use]
     pub fn between(before: Option<&LineSeen>, now: LineSeen, started: MonoTime) -> Self {

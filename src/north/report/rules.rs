@@ -1,9 +1,9 @@
 //! Conclusions from what was observed on a line: a table of signs, each with its text for people, which says what to
 //! do.
 
-use super::{DriveObserved, Observed};
+use super::{DriveObserved, LineObserved};
 use crate::domain::ids::Name;
-use crate::north::finding::{Finding, Severity, Sign, ranked};
+use crate::north::finding::{Finding, FindingSign, Severity, ranked};
 use crate::north::texts::Sentence;
 
 /// How many of one kind are needed before it is believed: a single one is chance.
@@ -17,64 +17,73 @@ const PROBLEM_PER_MILLE: u64 = 10;
 pub(super) type FindingText = Option<(Severity, Sentence)>;
 
 /// One row of the table.
-pub struct Rule {
+pub struct FindingRule {
     /// What it finds.
-    pub sign: Sign,
-    of: Of,
+    pub sign: FindingSign,
+    of: RuleScope,
 }
 
-enum Of {
-    Line(fn(&Observed) -> FindingText),
-    Drive(fn(&Observed, &DriveObserved) -> FindingText),
+enum RuleScope {
+    Line(fn(&LineObserved) -> FindingText),
+    Drive(fn(&LineObserved, &DriveObserved) -> FindingText),
 }
 
-const fn line(sign: Sign, of: fn(&Observed) -> FindingText) -> Rule {
-    Rule {
+const fn line(sign: FindingSign, of: fn(&LineObserved) -> FindingText) -> FindingRule {
+    FindingRule {
         sign,
-        of: Of::Line(of),
+        of: RuleScope::Line(of),
     }
 }
 
-const fn drive(sign: Sign, of: fn(&Observed, &DriveObserved) -> FindingText) -> Rule {
-    Rule {
+const fn drive(
+    sign: FindingSign,
+    of: fn(&LineObserved, &DriveObserved) -> FindingText,
+) -> FindingRule {
+    FindingRule {
         sign,
-        of: Of::Drive(of),
+        of: RuleScope::Drive(of),
     }
 }
 
 /// The table. Rows further up are more likely causes than those below.
-pub const RULES: &[Rule] = &[
-    line(Sign::Suspicion, super::line_rules::suspicion),
-    line(Sign::LineDown, super::line_rules::down),
-    line(Sign::PortLost, super::line_rules::port_lost),
-    line(Sign::Suspended, super::line_rules::suspended),
-    line(Sign::OtherMaster, super::line_rules::other_master),
-    line(Sign::Stranger, super::line_rules::stranger),
-    line(Sign::Floating, super::line_rules::floating),
-    line(Sign::OverFull, super::line_rules::over_full),
-    line(Sign::EchoStripped, super::line_rules::echo_stripped),
-    line(Sign::FewExchanges, super::line_rules::few_exchanges),
-    drive(Sign::Offline, super::drive_rules::offline),
+pub const RULES: &[FindingRule] = &[
+    line(FindingSign::Suspicion, super::line_rules::suspicion),
+    line(FindingSign::LineDown, super::line_rules::down),
+    line(FindingSign::PortLost, super::line_rules::port_lost),
+    line(FindingSign::Suspended, super::line_rules::suspended),
+    line(FindingSign::OtherMaster, super::line_rules::other_master),
+    line(FindingSign::Stranger, super::line_rules::stranger),
+    line(FindingSign::Floating, super::line_rules::floating),
+    line(FindingSign::OverFull, super::line_rules::over_full),
+    line(FindingSign::EchoStripped, super::line_rules::echo_stripped),
+    line(FindingSign::FewExchanges, super::line_rules::few_exchanges),
+    drive(FindingSign::Offline, super::drive_rules::offline),
     drive(
-        Sign::DuplicateStation,
+        FindingSign::DuplicateStation,
         super::drive_rules::duplicate_station,
     ),
-    drive(Sign::LateBeyondLimit, super::drive_rules::late_beyond_limit),
-    drive(Sign::FirstCharacters, super::drive_rules::first_characters),
-    drive(Sign::Cut, super::drive_rules::cut),
-    drive(Sign::LongFrames, super::drive_rules::long_frames),
-    drive(Sign::OneStation, super::drive_rules::one_station),
-    drive(Sign::Damaged, super::drive_rules::damaged),
-    drive(Sign::Late, super::drive_rules::late),
-    drive(Sign::Silent, super::drive_rules::silent),
-    drive(Sign::TimeoutShort, super::drive_rules::timeout_short),
-    drive(Sign::Exceptions, super::drive_rules::exceptions),
-    drive(Sign::Warns, super::drive_rules::warns),
+    drive(
+        FindingSign::LateBeyondLimit,
+        super::drive_rules::late_beyond_limit,
+    ),
+    drive(
+        FindingSign::FirstCharacters,
+        super::drive_rules::first_characters,
+    ),
+    drive(FindingSign::Cut, super::drive_rules::cut),
+    drive(FindingSign::LongFrames, super::drive_rules::long_frames),
+    drive(FindingSign::OneStation, super::drive_rules::one_station),
+    drive(FindingSign::Damaged, super::drive_rules::damaged),
+    drive(FindingSign::Late, super::drive_rules::late),
+    drive(FindingSign::Silent, super::drive_rules::silent),
+    drive(FindingSign::TimeoutShort, super::drive_rules::timeout_short),
+    drive(FindingSign::Exceptions, super::drive_rules::exceptions),
+    drive(FindingSign::Warns, super::drive_rules::warns),
 ];
 
 /// All findings on the line called `name`, the worst first; that all is well if there is none.
 #[must_use]
-pub fn verdict(name: &Name, observed: &Observed) -> Vec<Finding> {
+pub fn verdict(name: &Name, observed: &LineObserved) -> Vec<Finding> {
     let mut found: Vec<_> = RULES
         .iter()
         .flat_map(|rule| rule.findings(name, observed))
@@ -90,7 +99,7 @@ pub fn verdict(name: &Name, observed: &Observed) -> Vec<Finding> {
             0,
             Finding {
                 severity: Severity::Good,
-                sign: Sign::Fine,
+                sign: FindingSign::Fine,
                 line,
                 drive: None,
                 text,
@@ -100,8 +109,8 @@ pub fn verdict(name: &Name, observed: &Observed) -> Vec<Finding> {
     ranked(found)
 }
 
-impl Rule {
-    fn findings(&self, name: &Name, observed: &Observed) -> Vec<Finding> {
+impl FindingRule {
+    fn findings(&self, name: &Name, observed: &LineObserved) -> Vec<Finding> {
         let finding = |drive: Option<&DriveObserved>, (severity, text)| {
             let drive = drive.map(|drive| drive.now.name.clone());
             let text = match &drive {
@@ -119,11 +128,11 @@ impl Rule {
             }
         };
         match self.of {
-            Of::Line(of) => of(observed)
+            RuleScope::Line(of) => of(observed)
                 .map(|said| finding(None, said))
                 .into_iter()
                 .collect(),
-            Of::Drive(of) => {
+            RuleScope::Drive(of) => {
                 let each = observed
                     .drives
                     .iter()
@@ -157,7 +166,7 @@ mod tests {
         assert_eq!(found.len(), 1, "{found:?}");
         assert_eq!(
             (found[0].severity, found[0].sign),
-            (Severity::Good, Sign::Fine)
+            (Severity::Good, FindingSign::Fine)
         );
         assert_eq!(
             found[0].text.to_string(),

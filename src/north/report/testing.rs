@@ -1,13 +1,13 @@
 //! Observations for tests: a good line, and one for each thing that can be wrong.
 
-use super::{DriveObserved, DriveSeen, LineSeen, Observed};
+use super::{DriveObserved, DriveSeen, LineObserved, LineSeen};
 use crate::domain::counts::ExchangeCounts;
 use crate::domain::ids::{Name, Station};
 use crate::domain::report::{LineFault, LineReport, LineState, ReplyReport, StationReport};
-use crate::domain::suspicion::Suspicion;
+use crate::domain::suspicion::LineSuspicion;
 use crate::domain::time::MonoTime;
-use crate::drive::snapshot::Presence;
-use crate::north::finding::{Severity, Sign};
+use crate::drive::snapshot::DrivePresence;
+use crate::north::finding::{FindingSign, Severity};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -42,7 +42,7 @@ fn drive(name: &str, station: u8) -> DriveSeen {
     DriveSeen {
         name,
         station: Station(station),
-        presence: Presence::Online,
+        presence: DrivePresence::Online,
         warning: None,
         report: Arc::new(report),
     }
@@ -56,17 +56,17 @@ fn up() -> LineReport {
 }
 
 /// Two drives, a at station 1 and b at 2, 1000 good exchanges each.
-pub(super) fn good() -> Observed {
+pub(super) fn good() -> LineObserved {
     let now = LineSeen {
         at: MonoTime::from_millis(40_000),
         report: up(),
         drives: vec![drive("a", 1), drive("b", 2)],
     };
-    Observed::between(None, now, MonoTime::from_millis(40_000).before(SPAN))
+    LineObserved::between(None, now, MonoTime::from_millis(40_000).before(SPAN))
 }
 
 /// The same line, idle.
-pub(super) fn idle() -> Observed {
+pub(super) fn idle() -> LineObserved {
     let mut observed = good();
     observed
         .drives
@@ -75,19 +75,19 @@ pub(super) fn idle() -> Observed {
     observed
 }
 
-fn with(change: impl FnOnce(&mut Observed)) -> Observed {
+fn with(change: impl FnOnce(&mut LineObserved)) -> LineObserved {
     let mut observed = good();
     change(&mut observed);
     observed
 }
 
 /// Of drive a.
-fn of_a(change: impl FnOnce(&mut DriveObserved)) -> Observed {
+fn of_a(change: impl FnOnce(&mut DriveObserved)) -> LineObserved {
     with(|observed| change(&mut observed.drives[0]))
 }
 
 /// Drive a had this many damaged replies of the right length.
-fn damaged(count: u64, change: impl FnOnce(&mut DriveObserved)) -> Observed {
+fn damaged(count: u64, change: impl FnOnce(&mut DriveObserved)) -> LineObserved {
     of_a(|a| {
         a.exchanges.replies = 1000 - count;
         a.exchanges.garbled = count;
@@ -101,11 +101,11 @@ pub(super) fn line_name() -> Name {
     Name::new("hall-1").expect("a name")
 }
 
-pub(super) fn cases() -> Vec<(Sign, Severity, &'static str, Observed)> {
+pub(super) fn cases() -> Vec<(FindingSign, Severity, &'static str, LineObserved)> {
     [line_cases(), drive_cases(), damage_cases()].concat()
 }
 
-type Case = (Sign, Severity, &'static str, Observed);
+type Case = (FindingSign, Severity, &'static str, LineObserved);
 
 fn line_cases() -> Vec<Case> {
     use Severity::{Good, Hint, Problem};
@@ -113,51 +113,56 @@ fn line_cases() -> Vec<Case> {
     let down = |fault| with(|it| (it.line.state, it.line.fault) = (LineState::Down, fault));
     vec![
         (
-            Sign::Suspicion,
+            FindingSign::Suspicion,
             Problem,
             "higher speed",
-            suspected(Suspicion::DrivesAreFaster),
+            suspected(LineSuspicion::DrivesAreFaster),
         ),
         (
-            Sign::Suspicion,
+            FindingSign::Suspicion,
             Problem,
             "lower speed",
-            suspected(Suspicion::DrivesAreSlower),
+            suspected(LineSuspicion::DrivesAreSlower),
         ),
         (
-            Sign::Suspicion,
+            FindingSign::Suspicion,
             Problem,
             "parity",
-            suspected(Suspicion::AlwaysDamaged),
+            suspected(LineSuspicion::AlwaysDamaged),
         ),
         (
-            Sign::Suspicion,
+            FindingSign::Suspicion,
             Problem,
             "two drives",
-            suspected(Suspicion::DuplicateStation(Station(1))),
+            suspected(LineSuspicion::DuplicateStation(Station(1))),
         ),
         (
-            Sign::Suspicion,
+            FindingSign::Suspicion,
             Problem,
             "max_lateness",
-            suspected(Suspicion::LateBeyondLimit(Station(1))),
+            suspected(LineSuspicion::LateBeyondLimit(Station(1))),
         ),
-        (Sign::Suspicion, Problem, "echo", suspected(Suspicion::Echo)),
         (
-            Sign::LineDown,
+            FindingSign::Suspicion,
+            Problem,
+            "echo",
+            suspected(LineSuspicion::Echo),
+        ),
+        (
+            FindingSign::LineDown,
             Problem,
             "the device is gone",
             down(Some(LineFault::Gone)),
         ),
-        (Sign::LineDown, Problem, "not opened yet", down(None)),
+        (FindingSign::LineDown, Problem, "not opened yet", down(None)),
         (
-            Sign::PortLost,
+            FindingSign::PortLost,
             Problem,
             "lost 2 times",
             with(|it| it.port_downs = 2),
         ),
         (
-            Sign::Suspended,
+            FindingSign::Suspended,
             Problem,
             "14 %",
             with(|it| {
@@ -165,42 +170,42 @@ fn line_cases() -> Vec<Case> {
             }),
         ),
         (
-            Sign::OtherMaster,
+            FindingSign::OtherMaster,
             Problem,
             "one master only",
             with(|it| it.other_master = 5),
         ),
         (
-            Sign::Stranger,
+            FindingSign::Stranger,
             Problem,
             "5 frames",
             with(|it| it.foreign = 5),
         ),
         (
-            Sign::Floating,
+            FindingSign::Floating,
             Problem,
             "bias",
             with(|it| it.noise_between = 400),
         ),
         (
-            Sign::Floating,
+            FindingSign::Floating,
             Hint,
             "7 times in front",
             of_a(|a| a.damage.led = 7),
         ),
         (
-            Sign::OverFull,
+            FindingSign::OverFull,
             Hint,
             "130 %",
             with(|it| it.line.planned_use_per_mille = 1300),
         ),
         (
-            Sign::EchoStripped,
+            FindingSign::EchoStripped,
             Good,
             "as configured",
             with(|it| it.echoes = 2000),
         ),
-        (Sign::FewExchanges, Hint, "too few", idle()),
+        (FindingSign::FewExchanges, Hint, "too few", idle()),
     ]
 }
 
@@ -211,57 +216,62 @@ fn drive_cases() -> Vec<Case> {
     };
     vec![
         (
-            Sign::Offline,
+            FindingSign::Offline,
             Problem,
             "a: the drive does not answer as station 1",
-            of_a(|a| a.now.presence = Presence::Offline),
+            of_a(|a| a.now.presence = DrivePresence::Offline),
         ),
         (
-            Sign::Offline,
+            FindingSign::Offline,
             Problem,
             "wiring",
             of_a(|a| {
                 (a.now.presence, a.exchanges.replies, a.exchanges.silent) =
-                    (Presence::Offline, 0, 8)
+                    (DrivePresence::Offline, 0, 8)
             }),
         ),
         (
-            Sign::Warns,
+            FindingSign::Warns,
             Hint,
             "a: the drive warns: hot",
             of_a(|a| a.now.warning = Some("hot".to_owned())),
         ),
         (
-            Sign::DuplicateStation,
+            FindingSign::DuplicateStation,
             Problem,
             "two drives probably have station 1",
             of_a(|a| a.damage.doubled = 3),
         ),
         (
-            Sign::LateBeyondLimit,
+            FindingSign::LateBeyondLimit,
             Problem,
             "2 replies",
             of_a(|a| a.damage.beyond_limit = 2),
         ),
-        (Sign::Silent, Problem, "40 of 1000", answered(960, 40, 0)),
-        (Sign::Silent, Hint, "5 of 1000", answered(995, 5, 0)),
         (
-            Sign::Silent,
+            FindingSign::Silent,
+            Problem,
+            "40 of 1000",
+            answered(960, 40, 0),
+        ),
+        (FindingSign::Silent, Hint, "5 of 1000", answered(995, 5, 0)),
+        (
+            FindingSign::Silent,
             Problem,
             "others had",
             of_a(|a| {
                 (a.now.presence, a.exchanges.replies, a.exchanges.silent) =
-                    (Presence::Offline, 100, 8)
+                    (DrivePresence::Offline, 100, 8)
             }),
         ),
         (
-            Sign::Late,
+            FindingSign::Late,
             Problem,
             "after up to 500 ms",
             answered(960, 40, 40),
         ),
         (
-            Sign::TimeoutShort,
+            FindingSign::TimeoutShort,
             Hint,
             "60 ms are suggested",
             of_a(|a| {
@@ -271,7 +281,7 @@ fn drive_cases() -> Vec<Case> {
             }),
         ),
         (
-            Sign::Exceptions,
+            FindingSign::Exceptions,
             Hint,
             "100 of 1000",
             of_a(|a| (a.exchanges.replies, a.exchanges.exceptions) = (900, 100)),
@@ -288,19 +298,19 @@ fn damage_cases() -> Vec<Case> {
     };
     vec![
         (
-            Sign::FirstCharacters,
+            FindingSign::FirstCharacters,
             Problem,
             "30 of 50",
             damaged(50, |a| a.damage.head = 30),
         ),
         (
-            Sign::Cut,
+            FindingSign::Cut,
             Problem,
             "the end of 40 of 50",
             damaged(50, |a| a.damage.cut = 40),
         ),
         (
-            Sign::Cut,
+            FindingSign::Cut,
             Problem,
             "each of 50 replies ends too early",
             damaged(50, |a| {
@@ -309,18 +319,18 @@ fn damage_cases() -> Vec<Case> {
             }),
         ),
         (
-            Sign::LongFrames,
+            FindingSign::LongFrames,
             Problem,
             "45 of 50",
             damaged(50, |a| (a.damage.long, a.damage.long_damaged) = (500, 45)),
         ),
         (
-            Sign::OneStation,
+            FindingSign::OneStation,
             Problem,
             "those of others are not",
             damaged(50, |_| {}),
         ),
-        (Sign::Damaged, Problem, "50 of 1000", both(50)),
-        (Sign::Damaged, Hint, "5 of 1000", both(5)),
+        (FindingSign::Damaged, Problem, "50 of 1000", both(50)),
+        (FindingSign::Damaged, Hint, "5 of 1000", both(5)),
     ]
 }

@@ -1,19 +1,19 @@
 //! Commands of hosts: what is given to the drives, what is refused, and what is published about it.
 
 use super::harness::*;
-use super::payload::{Metric, Payload, Value};
-use super::types::Act;
-use crate::domain::command::{Direction, Go, Order, Outcome, Owner, Reason};
+use super::payload::{PayloadMetric, PayloadValue, SparkplugPayload};
+use super::types::SparkplugAct;
+use crate::domain::command::{Direction, GoOrder, Order, Outcome, Owner, Reason};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::AskerId;
-use crate::journal::Tried;
-use crate::north::broker::{Event, Message, Qos};
+use crate::journal::TriedWrite;
+use crate::north::broker::{BrokerEvent, BrokerMessage, Qos};
 use std::time::Duration;
 
 const DCMD: &str = "spBv1.0/hall 1/DCMD/plant/pump";
 
 fn go(frequency: Option<u32>, run: Option<Direction>) -> Order {
-    Order::Go(Go::new(Vec::new(), frequency.map(Hertz::from_millihertz), run).unwrap())
+    Order::Go(GoOrder::new(Vec::new(), frequency.map(Hertz::from_millihertz), run).unwrap())
 }
 
 fn stop() -> Order {
@@ -21,7 +21,7 @@ fn stop() -> Order {
 }
 
 /// What is published about the last command: outcome, reason, message.
-fn told(acts: &[Act], births: &[Sent]) -> Vec<String> {
+fn published_outcome(acts: &[SparkplugAct], births: &[Sent]) -> Vec<String> {
     let data = sent(acts);
     let words = ["result/outcome", "result/reason", "result/message"];
     let alias = |name: &str| {
@@ -36,7 +36,7 @@ fn told(acts: &[Act], births: &[Sent]) -> Vec<String> {
         let mut metrics = data.iter().flat_map(|it| &it.payload.metrics);
         let found = metrics.rfind(|it| it.alias == alias(name));
         match found.and_then(|it| it.value.clone()) {
-            Some(Value::Text(text)) => text,
+            Some(PayloadValue::Text(text)) => text,
             other => format!("{other:?}"),
         }
     };
@@ -61,33 +61,36 @@ fn metrics_become_orders() {
         (vec![text("run/set", "coast")], Order::Coast),
         (vec![text("run/set", "forward")], go(None, forward)),
         (
-            vec![metric("frequency/set", Value::Double(42.5))],
+            vec![metric("frequency/set", PayloadValue::Double(42.5))],
             go(Some(42_500), None),
         ),
         (
-            vec![metric("frequency/set", Value::Float(42.1))],
+            vec![metric("frequency/set", PayloadValue::Float(42.1))],
             go(Some(42_100), None),
         ),
         (
-            vec![metric("frequency/set", Value::Int(42))],
+            vec![metric("frequency/set", PayloadValue::Int(42))],
             go(Some(42_000), None),
         ),
         (
-            vec![metric("frequency/set", Value::Long(42))],
+            vec![metric("frequency/set", PayloadValue::Long(42))],
             go(Some(42_000), None),
         ),
         (
             vec![
                 text("run/set", "forward"),
-                metric("frequency/set", Value::Double(30.0)),
+                metric("frequency/set", PayloadValue::Double(30.0)),
             ],
             go(Some(30_000), forward),
         ),
         (
-            vec![metric("trip/reset", Value::Boolean(true))],
+            vec![metric("trip/reset", PayloadValue::Boolean(true))],
             Order::Reset,
         ),
-        (vec![metric("lease", Value::Boolean(true))], Order::Renew),
+        (
+            vec![metric("lease", PayloadValue::Boolean(true))],
+            Order::Renew,
+        ),
         // A stop counts, whatever else the message contains.
         (
             vec![text("run/set", "forward"), text("run/set", "stop")],
@@ -119,10 +122,10 @@ fn metrics_become_orders() {
 fn an_alias_means_what_the_birth_says() {
     let (mut rig, births) = born();
     let alias = births[1].metric("run/set").alias;
-    let by_alias = |alias| Metric {
+    let by_alias = |alias| PayloadMetric {
         alias,
-        value: Some(Value::Text("forward".into())),
-        ..Metric::default()
+        value: Some(PayloadValue::Text("forward".into())),
+        ..PayloadMetric::default()
     };
     assert_eq!(
         orders(&rig.command(vec![by_alias(alias)])),
@@ -139,7 +142,7 @@ fn an_alias_means_what_the_birth_says() {
 
 #[test]
 fn what_is_not_exactly_known_is_refused_as_a_whole_and_in_words() {
-    let frequency = || metric("frequency/set", Value::Double(30.0));
+    let frequency = || metric("frequency/set", PayloadValue::Double(30.0));
     let table = [
         (
             vec![frequency(), text("run/sett", "forward")],
@@ -157,7 +160,7 @@ fn what_is_not_exactly_known_is_refused_as_a_whole_and_in_words() {
             "`forward`, `reverse`, `stop` or `coast`",
         ),
         (
-            vec![metric("run/set", Value::Int(1))],
+            vec![metric("run/set", PayloadValue::Int(1))],
             Reason::NotUnderstood,
             "takes text",
         ),
@@ -167,17 +170,17 @@ fn what_is_not_exactly_known_is_refused_as_a_whole_and_in_words() {
             "such as 42.5",
         ),
         (
-            vec![metric("frequency/set", Value::Double(f64::NAN))],
+            vec![metric("frequency/set", PayloadValue::Double(f64::NAN))],
             Reason::NotANumber,
             "frequency/set",
         ),
         (
-            vec![metric("frequency/set", Value::Long(u64::MAX))],
+            vec![metric("frequency/set", PayloadValue::Long(u64::MAX))],
             Reason::OutsideLimits,
             "frequency/set",
         ),
         (
-            vec![Metric {
+            vec![PayloadMetric {
                 is_null: Some(true),
                 ..frequency()
             }],
@@ -190,12 +193,15 @@ fn what_is_not_exactly_known_is_refused_as_a_whole_and_in_words() {
             "one message carries",
         ),
         (
-            vec![frequency(), metric("trip/reset", Value::Boolean(true))],
+            vec![
+                frequency(),
+                metric("trip/reset", PayloadValue::Boolean(true)),
+            ],
             Reason::Conflict,
             "one message carries",
         ),
         (
-            vec![metric("trip/reset", Value::Int(1))],
+            vec![metric("trip/reset", PayloadValue::Int(1))],
             Reason::NotUnderstood,
             "accepts only true",
         ),
@@ -204,12 +210,12 @@ fn what_is_not_exactly_known_is_refused_as_a_whole_and_in_words() {
         let (mut rig, births) = born();
         let acts = rig.command(metrics.clone());
         assert_eq!(commands(&acts).len(), 0, "{metrics:?}");
-        let [outcome, word, message] = &told(&acts, &births)[..] else {
+        let [outcome, word, message] = &published_outcome(&acts, &births)[..] else {
             panic!()
         };
         assert_eq!(
             (outcome.as_str(), word.as_str()),
-            ("refused", reason.word()),
+            ("refused", reason.keyword()),
             "{metrics:?}: {message}"
         );
         assert!(message.contains(says), "{message}");
@@ -217,7 +223,7 @@ fn what_is_not_exactly_known_is_refused_as_a_whole_and_in_words() {
     }
     let (mut rig, _) = born();
     assert_eq!(
-        rig.command(vec![metric("trip/reset", Value::Boolean(false))]),
+        rig.command(vec![metric("trip/reset", PayloadValue::Boolean(false))]),
         [],
         "a button that is not down"
     );
@@ -229,13 +235,13 @@ fn bytes_that_are_no_payload_are_refused_and_kept() {
     let (mut rig, births) = born();
     let acts = rig.deliver(&message(DCMD, b"\x12\xFF stop"));
     assert_eq!(
-        told(&acts, &births)[..2],
+        published_outcome(&acts, &births)[..2],
         [
             "refused".to_owned(),
-            Reason::NotUnderstood.word().to_owned()
+            Reason::NotUnderstood.keyword().to_owned()
         ]
     );
-    assert!(matches!(&kept(&acts)[0].tried, Tried::Text(_)));
+    assert!(matches!(&kept(&acts)[0].tried, TriedWrite::Text(_)));
     let acts = rig.deliver(&message("spBv1.0/hall 1/DCMD/plant/pumpe", &[]));
     assert_eq!(kept(&acts)[0].report.unwrap().reason, Reason::UnknownDrive);
 }
@@ -244,7 +250,7 @@ fn bytes_that_are_no_payload_are_refused_and_kept() {
 fn a_retained_command_is_a_replay_and_a_live_stop_with_the_flag_is_executed() {
     let (mut rig, births) = born();
     let payload = |metric| {
-        Payload {
+        SparkplugPayload {
             timestamp: Some(EPOCH_MS.cast_unsigned()),
             metrics: vec![metric],
             seq: None,
@@ -252,17 +258,20 @@ fn a_retained_command_is_a_replay_and_a_live_stop_with_the_flag_is_executed() {
         .bytes()
     };
     let run = payload(text("run/set", "forward"));
-    let acts = rig.deliver(&Message {
+    let acts = rig.deliver(&BrokerMessage {
         retain: true,
         ..message(DCMD, &run)
     });
     assert_eq!(
-        (commands(&acts).len(), told(&acts, &births)[1].as_str()),
+        (
+            commands(&acts).len(),
+            published_outcome(&acts, &births)[1].as_str()
+        ),
         (0, "retained")
     );
     assert_eq!(rig.session.counters().refused_retained, 1);
     let halt = payload(text("run/set", "stop"));
-    let acts = rig.deliver(&Message {
+    let acts = rig.deliver(&BrokerMessage {
         retain: true,
         ..message(DCMD, &halt)
     });
@@ -271,12 +280,15 @@ fn a_retained_command_is_a_replay_and_a_live_stop_with_the_flag_is_executed() {
         [&stop()],
         "with MQTT 5 none is delivered at subscribe"
     );
-    let acts = rig.deliver(&Message {
+    let acts = rig.deliver(&BrokerMessage {
         duplicate: true,
         ..message(DCMD, &run)
     });
     assert_eq!(
-        (commands(&acts).len(), told(&acts, &births)[1].as_str()),
+        (
+            commands(&acts).len(),
+            published_outcome(&acts, &births)[1].as_str()
+        ),
         (0, "duplicate")
     );
 }
@@ -287,7 +299,7 @@ fn an_old_command_is_refused_with_its_age_and_an_old_stop_is_not() {
     rig.pass(60_000);
     let now = rig.unix_ms();
     let give = |rig: &mut Rig, timestamp, word: &str| {
-        let payload = Payload {
+        let payload = SparkplugPayload {
             timestamp,
             metrics: vec![text("run/set", word)],
             seq: None,
@@ -298,7 +310,10 @@ fn an_old_command_is_refused_with_its_age_and_an_old_stop_is_not() {
     for timestamp in [Some(now - 10_001), Some(0), None] {
         let acts = give(&mut rig, timestamp, "forward");
         assert_eq!(
-            (commands(&acts).len(), told(&acts, &births)[1].as_str()),
+            (
+                commands(&acts).len(),
+                published_outcome(&acts, &births)[1].as_str()
+            ),
             (0, "stale"),
             "{timestamp:?}"
         );
@@ -306,16 +321,19 @@ fn an_old_command_is_refused_with_its_age_and_an_old_stop_is_not() {
     for timestamp in [now + 2_001, now + 50_000, u64::MAX] {
         let acts = give(&mut rig, Some(timestamp), "forward");
         assert_eq!(
-            (commands(&acts).len(), told(&acts, &births)[1].as_str()),
+            (
+                commands(&acts).len(),
+                published_outcome(&acts, &births)[1].as_str()
+            ),
             (0, "clock_ahead"),
             "{timestamp}"
         );
     }
     let acts = give(&mut rig, Some(now - 12_300), "forward");
     assert!(
-        told(&acts, &births)[2].contains("12.3 s ago"),
+        published_outcome(&acts, &births)[2].contains("12.3 s ago"),
         "{:?}",
-        told(&acts, &births)
+        published_outcome(&acts, &births)
     );
     for timestamp in [Some(now - 60_000), None] {
         assert_eq!(
@@ -376,7 +394,7 @@ fn while_the_probe_is_overdue_everything_but_a_stop_is_stale_until_a_later_one_i
     rig.pass(20_000);
     rig.is_deaf = true;
     rig.millis += 1_000;
-    let is_probe = |act: &Act| matches!(act, Act::Publish(it) if it.topic == PROBE && it.qos == Qos::AtLeastOnce);
+    let is_probe = |act: &SparkplugAct| matches!(act, SparkplugAct::Publish(it) if it.topic == PROBE && it.qos == Qos::AtLeastOnce);
     assert!(
         rig.acts().iter().any(is_probe),
         "it waits where commands wait"
@@ -390,14 +408,20 @@ fn while_the_probe_is_overdue_everything_but_a_stop_is_stale_until_a_later_one_i
     rig.millis += 600;
     for metric in [
         text("run/set", "forward"),
-        metric("frequency/set", Value::Double(30.0)),
+        metric("frequency/set", PayloadValue::Double(30.0)),
     ] {
         let acts = rig.command(vec![metric]);
         assert_eq!(
-            (commands(&acts).len(), told(&acts, &births)[1].as_str()),
+            (
+                commands(&acts).len(),
+                published_outcome(&acts, &births)[1].as_str()
+            ),
             (0, "stale")
         );
-        assert!(told(&acts, &births)[2].contains("the gateway's probe through the broker is late"));
+        assert!(
+            published_outcome(&acts, &births)[2]
+                .contains("the gateway's probe through the broker is late")
+        );
     }
     assert_eq!(
         orders(&rig.command(vec![text("run/set", "stop")])),
@@ -422,7 +446,7 @@ fn stop_for_all_stops_those_that_a_host_may_command() {
     );
     for bad in [
         text("all/run/set", "forward"),
-        metric("all/run/set", Value::Boolean(true)),
+        metric("all/run/set", PayloadValue::Boolean(true)),
     ] {
         let acts = rig.node_command(vec![bad]);
         assert_eq!((commands(&acts).len(), kept(&acts).len()), (0, 1));
@@ -437,9 +461,9 @@ fn what_becomes_of_a_command_is_reported_at_each_stage_and_counted() {
     let acts = rig.command(vec![text("run/set", "forward")]);
     let ticket = commands(&acts)[0].ticket;
     let acts = rig.answer(ticket, Outcome::Acknowledged, Reason::None, false);
-    assert_eq!(told(&acts, &births)[0], "acknowledged");
+    assert_eq!(published_outcome(&acts, &births)[0], "acknowledged");
     let acts = rig.answer(ticket, Outcome::Confirmed, Reason::None, true);
-    assert_eq!(told(&acts, &births)[0], "confirmed");
+    assert_eq!(published_outcome(&acts, &births)[0], "confirmed");
     let count = births[1].metric("result/count").alias;
     let data = sent(&acts);
     assert!(
@@ -447,20 +471,20 @@ fn what_becomes_of_a_command_is_reported_at_each_stage_and_counted() {
             .payload
             .metrics
             .iter()
-            .any(|it| it.alias == count && it.value == Some(Value::Long(2)))
+            .any(|it| it.alias == count && it.value == Some(PayloadValue::Long(2)))
     );
     assert_eq!(
         rig.answer(ticket, Outcome::Failed, Reason::NoReply, true),
         [],
         "it is no longer pending"
     );
-    let acts = rig.command(vec![metric("frequency/set", Value::Double(300.0))]);
+    let acts = rig.command(vec![metric("frequency/set", PayloadValue::Double(300.0))]);
     let ticket = commands(&acts)[0].ticket;
     let acts = rig.answer(ticket, Outcome::Refused, Reason::OutsideLimits, true);
     assert!(
-        told(&acts, &births)[2].contains("300.00 Hz is outside the limits of "),
+        published_outcome(&acts, &births)[2].contains("300.00 Hz is outside the limits of "),
         "{:?}",
-        told(&acts, &births)
+        published_outcome(&acts, &births)
     );
 }
 
@@ -475,7 +499,10 @@ fn commands_without_an_answer_are_bounded_and_given_up_in_the_end() {
     }
     let acts = rig.command(vec![text("run/set", "forward")]);
     assert_eq!(
-        (commands(&acts).len(), told(&acts, &births)[1].as_str()),
+        (
+            commands(&acts).len(),
+            published_outcome(&acts, &births)[1].as_str()
+        ),
         (0, "queue_full")
     );
     for _ in 0..100 {
@@ -498,7 +525,7 @@ fn commands_without_an_answer_are_bounded_and_given_up_in_the_end() {
 fn a_stop_goes_before_what_waits_here_for_its_drive() {
     let (mut rig, _) = born();
     let payload = |metric| {
-        Payload {
+        SparkplugPayload {
             timestamp: Some(EPOCH_MS.cast_unsigned()),
             metrics: vec![metric],
             seq: None,
@@ -507,10 +534,10 @@ fn a_stop_goes_before_what_waits_here_for_its_drive() {
     };
     for metric in [
         text("run/set", "forward"),
-        metric("lease", Value::Boolean(true)),
+        metric("lease", PayloadValue::Boolean(true)),
         text("run/set", "stop"),
     ] {
-        rig.handle(Event::Message(message(DCMD, &payload(metric))));
+        rig.handle(BrokerEvent::Message(message(DCMD, &payload(metric))));
     }
     let mut inward = Vec::new();
     while let Some(act) = rig.session.next_inward() {

@@ -2,38 +2,39 @@
 
 use super::node::{self, NodeCommand};
 use super::order;
-use super::payload::{Payload, Value};
-use super::session::Session;
+use super::payload::{PayloadValue, SparkplugPayload};
+use super::session::SparkplugSession;
 use crate::domain::command::{CommandAnswer, Order, Outcome, Owner, Reason, Report};
 use crate::domain::ids::{AskerId, Ticket};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
-use crate::journal::Tried;
+use crate::journal::TriedWrite;
 use crate::north::broker::{
-    Message, NewCommand, Pending, Request, Version, refused_frequency, tried_by,
+    BrokerMessage, DriveRequest, MqttVersion, NewCommand, PendingRequest, refused_frequency,
+    tried_by,
 };
-use crate::north::clock::Moment;
-use crate::north::command_words::{Refused, RunWord, run_word, short};
+use crate::north::clock::ClockMoment;
+use crate::north::command_words::{RefusedCommand, RunWord, run_word, short};
 use crate::north::shown::message;
 
 const OWNER: Owner = Owner::Sparkplug;
 
-impl Session {
+impl SparkplugSession {
     /// A command for the edge node: births again, or STOP for all.
-    pub(super) fn node_command(&mut self, at: Moment, message: &Message<'_>) {
-        let payload = match Payload::read(message.payload) {
+    pub(super) fn node_command(&mut self, at: ClockMoment, message: &BrokerMessage<'_>) {
+        let payload = match SparkplugPayload::read(message.payload) {
             Ok(payload) => payload,
             Err(why) => {
                 return self.refuse(
                     None,
                     Some(text("NCMD", &why)),
-                    &Refused::new(Reason::NotUnderstood, why),
+                    &RefusedCommand::new(Reason::NotUnderstood, why),
                 );
             }
         };
         for metric in &payload.metrics {
             match node::asked(metric) {
-                NodeCommand::Rebirth(Some(Value::Boolean(true))) if !message.retain => {
+                NodeCommand::Rebirth(Some(PayloadValue::Boolean(true))) if !message.retain => {
                     self.ask_for_rebirth()
                 }
                 NodeCommand::Rebirth(_) | NodeCommand::Unknown => self.counters.ignored += 1,
@@ -42,22 +43,27 @@ impl Session {
         }
     }
 
-    fn stop_all(&mut self, at: Moment, value: Option<&Value>, message: &Message<'_>) {
-        let says = if let Some(Value::Text(text)) = value {
+    fn stop_all(
+        &mut self,
+        at: ClockMoment,
+        value: Option<&PayloadValue>,
+        message: &BrokerMessage<'_>,
+    ) {
+        let says = if let Some(PayloadValue::Text(text)) = value {
             text.as_str()
         } else {
             ""
         };
         let tried = Some(text(node::STOP_ALL, says));
         if run_word(says) != Ok(RunWord::Stop) {
-            let refused = Refused::new(
+            let refused = RefusedCommand::new(
                 Reason::NotUnderstood,
                 format!("`{}` takes `stop` alone", node::STOP_ALL),
             );
             return self.refuse(None, tried, &refused);
         }
         if self.is_replay(message, true) {
-            return self.refuse(None, tried, &Refused::plain(Reason::Retained));
+            return self.refuse(None, tried, &RefusedCommand::plain(Reason::Retained));
         }
         let may =
             |drive: &DriveDescription| drive.control.as_ref().is_some_and(|it| it.from_sparkplug);
@@ -65,7 +71,7 @@ impl Session {
             .filter(|drive| may(&self.drives[*drive]))
             .collect();
         if drives.is_empty() {
-            return self.refuse(None, tried, &Refused::plain(Reason::ReadOnly));
+            return self.refuse(None, tried, &RefusedCommand::plain(Reason::ReadOnly));
         }
         for drive in drives {
             self.give(at, drive, Order::Stop { setpoint: None }, None);
@@ -73,19 +79,24 @@ impl Session {
     }
 
     /// A command for a drive.
-    pub(super) fn device_command(&mut self, at: Moment, device: &str, message: &Message<'_>) {
+    pub(super) fn device_command(
+        &mut self,
+        at: ClockMoment,
+        device: &str,
+        message: &BrokerMessage<'_>,
+    ) {
         let Some(drive) = self
             .drives
             .iter()
             .position(|drive| drive.name.as_str() == device)
         else {
-            let refused = Refused::plain(Reason::UnknownDrive);
+            let refused = RefusedCommand::plain(Reason::UnknownDrive);
             return self.refuse(None, Some(text("DCMD", device)), &refused);
         };
-        let payload = match Payload::read(message.payload) {
+        let payload = match SparkplugPayload::read(message.payload) {
             Ok(payload) => payload,
             Err(why) => {
-                let refused = Refused::new(Reason::NotUnderstood, why);
+                let refused = RefusedCommand::new(Reason::NotUnderstood, why);
                 return self.refuse(Some(drive), Some(text("DCMD", &refused.message)), &refused);
             }
         };
@@ -105,14 +116,14 @@ impl Session {
     /// Returns when it was issued, on our clock; `None` for a stop.
     fn may_be_given(
         &mut self,
-        at: Moment,
+        at: ClockMoment,
         order: &Order,
-        payload: &Payload,
-        message: &Message<'_>,
-    ) -> Result<Option<MonoTime>, Refused> {
+        payload: &SparkplugPayload,
+        message: &BrokerMessage<'_>,
+    ) -> Result<Option<MonoTime>, RefusedCommand> {
         let is_a_stop = order.is_stop();
         if self.is_replay(message, is_a_stop) {
-            return Err(Refused::plain(Reason::Retained));
+            return Err(RefusedCommand::plain(Reason::Retained));
         }
         if is_a_stop {
             return Ok(None);
@@ -120,35 +131,39 @@ impl Session {
         if message.duplicate {
             let why =
                 "a repeat of a message, which may be old; commands go at quality of service 0";
-            return Err(Refused::new(Reason::Duplicate, why));
+            return Err(RefusedCommand::new(Reason::Duplicate, why));
         }
         let issued = self.issued(at, payload)?;
         if !self.is_path_alive(at) {
             let why = "the births of this connection are not published and proven yet, or the primary host is offline";
-            return Err(Refused::new(Reason::CommanderLost, why));
+            return Err(RefusedCommand::new(Reason::CommanderLost, why));
         }
         if self.path.is_unproven() {
             let why = "the gateway's probe through the broker is late, so that the command may have waited: send it again";
-            return Err(Refused::new(Reason::Stale, why));
+            return Err(RefusedCommand::new(Reason::Stale, why));
         }
         if !self.commands.has_room_for_command() {
-            return Err(Refused::plain(Reason::QueueFull));
+            return Err(RefusedCommand::plain(Reason::QueueFull));
         }
         Ok(Some(issued))
     }
 
     /// With MQTT 5 no retained message is delivered at subscribe, so a stop with the retain flag is a live one.
-    fn is_replay(&self, message: &Message<'_>, is_a_stop: bool) -> bool {
-        message.retain && !(is_a_stop && self.settings.version == Version::V5)
+    fn is_replay(&self, message: &BrokerMessage<'_>, is_a_stop: bool) -> bool {
+        message.retain && !(is_a_stop && self.settings.version == MqttVersion::V5)
     }
 
-    fn issued(&mut self, at: Moment, payload: &Payload) -> Result<MonoTime, Refused> {
+    fn issued(
+        &mut self,
+        at: ClockMoment,
+        payload: &SparkplugPayload,
+    ) -> Result<MonoTime, RefusedCommand> {
         let Some(timestamp) = payload
             .timestamp
             .map(|it| i64::try_from(it).unwrap_or(i64::MAX))
         else {
             let why = "the message has no timestamp, so its age is unknown";
-            return Err(Refused::new(Reason::Stale, why));
+            return Err(RefusedCommand::new(Reason::Stale, why));
         };
         let issue = self.issued.take(at, timestamp)?;
         let most = self.settings.max_command_age;
@@ -159,16 +174,17 @@ impl Session {
                 issue.age.as_secs_f64(),
                 most.as_secs_f64(),
             );
-            return Err(Refused::new(Reason::Stale, why));
+            return Err(RefusedCommand::new(Reason::Stale, why));
         }
         Ok(issue.moment)
     }
 
-    fn give(&mut self, at: Moment, drive: usize, order: Order, issued: Option<MonoTime>) {
+    fn give(&mut self, at: ClockMoment, drive: usize, order: Order, issued: Option<MonoTime>) {
         if order.is_stop() {
             while let Some((pending, report)) = self.commands.give_way_to_stop(drive) {
                 // The newer stop is reported.
-                let is_stop = matches!(&pending.request, Request::Order(order) if order.is_stop());
+                let is_stop =
+                    matches!(&pending.request, DriveRequest::Order(order) if order.is_stop());
                 if !is_stop {
                     self.tell(drive, report, None);
                 }
@@ -188,19 +204,24 @@ impl Session {
         self.counters.commands += 1;
     }
 
-    fn refuse(&mut self, drive: Option<usize>, tried: Option<Tried>, refused: &Refused) {
+    fn refuse(
+        &mut self,
+        drive: Option<usize>,
+        tried: Option<TriedWrite>,
+        refused: &RefusedCommand,
+    ) {
         self.counters.refused += 1;
         self.counters.refused_retained += u64::from(refused.reason == Reason::Retained);
         self.counters.refused_stale +=
             u64::from(matches!(refused.reason, Reason::Stale | Reason::ClockAhead));
         let report = Report::refused(refused.reason);
-        self.keep(drive, tried, report);
+        self.journal_attempt(drive, tried, report);
         if let Some(device) = drive.and_then(|drive| self.devices.get_mut(drive)) {
             device.tell(report, refused.message.clone());
         }
     }
 
-    fn keep(&mut self, drive: Option<usize>, tried: Option<Tried>, report: Report) {
+    fn journal_attempt(&mut self, drive: Option<usize>, tried: Option<TriedWrite>, report: Report) {
         let place = drive
             .and_then(|drive| self.drives.get(drive))
             .map(|drive| drive.place);
@@ -216,7 +237,7 @@ impl Session {
             return;
         };
         // A successful renewal is no news.
-        if pending.request != Request::Order(Order::Renew)
+        if pending.request != DriveRequest::Order(Order::Renew)
             || answer.report.outcome == Outcome::Refused
         {
             self.tell(pending.drive, answer.report, Some(&pending));
@@ -241,7 +262,7 @@ impl Session {
         }
     }
 
-    fn tell(&mut self, drive: usize, report: Report, pending: Option<&Pending<()>>) {
+    fn tell(&mut self, drive: usize, report: Report, pending: Option<&PendingRequest<()>>) {
         let description = self.drives.get(drive);
         let limits = pending
             .zip(description)
@@ -257,9 +278,9 @@ impl Session {
 }
 
 /// What was attempted by something that is no order, for the audit: on one line, and short.
-fn text(place: &str, says: &str) -> Tried {
+fn text(place: &str, says: &str) -> TriedWrite {
     let visible = |c: char| if c.is_control() { ' ' } else { c };
-    Tried::Text(
+    TriedWrite::Text(
         format!("{place}: {}", short(says))
             .chars()
             .map(visible)
@@ -268,21 +289,21 @@ fn text(place: &str, says: &str) -> Tried {
 }
 
 /// The metrics of a command in words.
-fn said(payload: &Payload) -> String {
+fn said(payload: &SparkplugPayload) -> String {
     const METRICS_MAX: usize = 4;
-    let metric = |metric: &super::payload::Metric| {
+    let metric = |metric: &super::payload::PayloadMetric| {
         let name = match (&metric.name, metric.alias) {
             (Some(name), _) => short(name),
             (None, Some(alias)) => format!("alias {alias}"),
             (None, None) => "?".to_owned(),
         };
         match &metric.value {
-            Some(Value::Text(text)) => format!("{name} = {}", short(text)),
-            Some(Value::Double(number)) => format!("{name} = {number}"),
-            Some(Value::Float(number)) => format!("{name} = {number}"),
-            Some(Value::Boolean(value)) => format!("{name} = {value}"),
-            Some(Value::Int(bits)) => format!("{name} = {}", bits.cast_signed()),
-            Some(Value::Long(bits)) => format!("{name} = {}", bits.cast_signed()),
+            Some(PayloadValue::Text(text)) => format!("{name} = {}", short(text)),
+            Some(PayloadValue::Double(number)) => format!("{name} = {number}"),
+            Some(PayloadValue::Float(number)) => format!("{name} = {number}"),
+            Some(PayloadValue::Boolean(value)) => format!("{name} = {value}"),
+            Some(PayloadValue::Int(bits)) => format!("{name} = {}", bits.cast_signed()),
+            Some(PayloadValue::Long(bits)) => format!("{name} = {}", bits.cast_signed()),
             None => format!("{name} = null"),
         }
     };

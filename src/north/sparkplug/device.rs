@@ -1,15 +1,17 @@
 //! A drive as a device: its birth, and its changes since.
 
-use super::content::{Content, Look};
-use super::history::{Entry, History};
-use super::metrics::{self, Definition};
-use super::payload::{Datatype, Metric, PropertyScalar, PropertySet, Quality, Value};
+use super::content::{MetricContent, MetricContext};
+use super::history::{MetricChange, MetricHistory};
+use super::metrics::{self, MetricDefinition};
+use super::payload::{
+    PayloadMetric, PayloadQuality, PayloadType, PayloadValue, PropertyScalar, PropertySet,
+};
 use crate::domain::command::Report;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
-use crate::north::clock::Clock;
-use crate::north::mqtt::Points;
+use crate::north::clock::LabelClock;
+use crate::north::mqtt::PublishedPoints;
 use crate::profile::scale::{Decimal, setpoint_step};
 use std::sync::Arc;
 use std::time::Duration;
@@ -31,31 +33,31 @@ pub(super) struct LastResult {
 
 /// The present, for a device.
 #[derive(Clone, Copy)]
-pub(super) struct Present<'p> {
+pub(super) struct DeviceMoment<'p> {
     pub(super) at: MonoTime,
-    pub(super) clock: Clock,
+    pub(super) clock: LabelClock,
     pub(super) drive: &'p DriveDescription,
     pub(super) view: &'p Arc<DriveView>,
 }
 
 /// A drive as a device.
 #[derive(Debug)]
-pub(super) struct Device {
+pub(super) struct SparkplugDevice {
     /// The alias of its first metric; the others follow.
     first_alias: u64,
-    definitions: Vec<Definition>,
+    definitions: Vec<MetricDefinition>,
     /// The step of its drive's setpoint.
     setpoint_step: Option<Decimal>,
-    points: Points,
+    points: PublishedPoints,
     /// The content of each metric that was last published or kept.
-    held: Vec<Content>,
+    held: Vec<MetricContent>,
     /// It was born on this connection and has not died.
     pub(super) is_born: bool,
     /// It was born before, so a host knows its content.
     was_born: bool,
     /// Its birth is larger than the broker accepts.
     pub(super) is_too_large: bool,
-    pub(super) history: History,
+    pub(super) history: MetricHistory,
     told: Option<LastResult>,
     /// The last view seen, and until when it gives nothing new.
     looked: Option<(Arc<DriveView>, MonoTime)>,
@@ -63,20 +65,20 @@ pub(super) struct Device {
     gathers_until: MonoTime,
 }
 
-impl Device {
+impl SparkplugDevice {
     /// A device whose metrics are numbered from `first_alias`, and that keeps up to `keep` changes of telemetry.
     pub(super) fn new(drive: &DriveDescription, first_alias: u64, keep: usize) -> Self {
         let definitions = metrics::of_drive(drive);
         Self {
             first_alias,
-            held: vec![Content::Null; definitions.len()],
+            held: vec![MetricContent::Null; definitions.len()],
             definitions,
             setpoint_step: setpoint_step(&drive.model),
-            points: Points::new(drive),
+            points: PublishedPoints::new(drive),
             is_born: false,
             was_born: false,
             is_too_large: false,
-            history: History::new(keep),
+            history: MetricHistory::new(keep),
             told: None,
             looked: None,
             gathers_until: MonoTime::ZERO,
@@ -94,7 +96,7 @@ impl Device {
     }
 
     /// The metric that `metric` of a command addresses: by its name if it has one, else by its alias.
-    pub(super) fn definition(&self, metric: &Metric) -> Option<&Definition> {
+    pub(super) fn definition(&self, metric: &PayloadMetric) -> Option<&MetricDefinition> {
         if let Some(name) = &metric.name {
             return self
                 .definitions
@@ -132,8 +134,8 @@ impl Device {
         self.looked = None;
     }
 
-    fn look<'l>(&'l self, now: &'l Present<'l>) -> Look<'l> {
-        Look {
+    fn look<'l>(&'l self, now: &'l DeviceMoment<'l>) -> MetricContext<'l> {
+        MetricContext {
             at: now.at,
             clock: now.clock,
             drive: now.drive,
@@ -144,7 +146,7 @@ impl Device {
     }
 
     /// All metrics with names, types and properties. The device counts as born.
-    pub(super) fn birth(&mut self, now: &Present<'_>) -> Vec<Metric> {
+    pub(super) fn birth(&mut self, now: &DeviceMoment<'_>) -> Vec<PayloadMetric> {
         let look = self.look(now);
         let held: Vec<_> = self
             .definitions
@@ -159,11 +161,11 @@ impl Device {
                 .map(|(place, (definition, content))| {
                     let value = look.value(definition, content);
                     let quality = if value.is_some() {
-                        Quality::Good
+                        PayloadQuality::Good
                     } else {
-                        Quality::Stale
+                        PayloadQuality::Stale
                     };
-                    Metric {
+                    PayloadMetric {
                         name: Some(definition.name.clone()),
                         datatype: Some(definition.datatype as u32),
                         properties: with_quality(definition.properties(), quality).or_none(),
@@ -192,8 +194,8 @@ impl Device {
 
     /// The type is always sent, though hosts could know it from the birth: widely used decoders read no value without
     /// it.
-    fn metric(&self, place: usize, at_ms: u64, value: Option<Value>) -> Metric {
-        Metric {
+    fn metric(&self, place: usize, at_ms: u64, value: Option<PayloadValue>) -> PayloadMetric {
+        PayloadMetric {
             alias: Some(self.first_alias + place as u64),
             datatype: self
                 .definitions
@@ -202,12 +204,12 @@ impl Device {
             timestamp: Some(at_ms),
             is_null: value.is_none().then_some(true),
             value,
-            ..Metric::default()
+            ..PayloadMetric::default()
         }
     }
 
     /// Changes since they were last published or kept, in the order in which they happened.
-    fn changes(&mut self, now: &Present<'_>) -> Vec<(Entry, bool)> {
+    fn changes(&mut self, now: &DeviceMoment<'_>) -> Vec<(MetricChange, bool)> {
         let is_known = self.looked.as_ref();
         if is_known.is_some_and(|(view, until)| Arc::ptr_eq(view, now.view) && now.at < *until) {
             return Vec::new();
@@ -234,8 +236,9 @@ impl Device {
             }
             let at_ms = millis(now.clock, look.since(definition, &content));
             let value = look.value(definition, &content);
-            let has_quality_changed = (*held == Content::Null) != (content == Content::Null);
-            let entry = Entry {
+            let has_quality_changed =
+                (*held == MetricContent::Null) != (content == MetricContent::Null);
+            let entry = MetricChange {
                 metric: place,
                 at_ms,
                 value,
@@ -263,27 +266,27 @@ impl Device {
     fn is_prompt(&self, place: usize) -> bool {
         self.definitions
             .get(place)
-            .is_some_and(Definition::is_prompt)
+            .is_some_and(MetricDefinition::is_prompt)
     }
 
-    fn is_recorded(&self, entry: &Entry) -> bool {
+    fn is_recorded(&self, entry: &MetricChange) -> bool {
         self.definitions
             .get(entry.metric)
-            .is_some_and(Definition::is_recorded)
+            .is_some_and(MetricDefinition::is_recorded)
     }
 
     /// What is to be published now, after this many `probes`; `None` if nothing has changed.
-    pub(super) fn data(&mut self, now: &Present<'_>, probes: u64) -> Vec<Metric> {
+    pub(super) fn data(&mut self, now: &DeviceMoment<'_>, probes: u64) -> Vec<PayloadMetric> {
         let changes = self.changes(now);
         let metrics = changes.iter().map(|(entry, has_quality_changed)| {
             let quality = if entry.value.is_some() {
-                Quality::Good
+                PayloadQuality::Good
             } else {
-                Quality::Stale
+                PayloadQuality::Stale
             };
             let properties =
                 has_quality_changed.then(|| with_quality(PropertySet::default(), quality));
-            Metric {
+            PayloadMetric {
                 properties,
                 ..self.metric(entry.metric, entry.at_ms, entry.value.clone())
             }
@@ -299,7 +302,7 @@ impl Device {
     }
 
     /// Keeps changes while no host can be reached. A value that is read for the first time is no change.
-    pub(super) fn record(&mut self, now: &Present<'_>) {
+    pub(super) fn record(&mut self, now: &DeviceMoment<'_>) {
         for (entry, has_quality_changed) in self.changes(now) {
             let is_first = has_quality_changed && !self.was_born;
             if entry.value.is_some() && !is_first && self.is_recorded(&entry) {
@@ -309,9 +312,9 @@ impl Device {
     }
 
     /// Changes of the past, marked as such; none if none waits.
-    pub(super) fn past(&mut self, probes: u64, room_bytes: usize) -> Vec<Metric> {
+    pub(super) fn past(&mut self, probes: u64, room_bytes: usize) -> Vec<PayloadMetric> {
         let entries = self.history.take(HISTORY_BATCH, room_bytes);
-        let metrics = entries.iter().map(|entry| Metric {
+        let metrics = entries.iter().map(|entry| PayloadMetric {
             is_historical: Some(true),
             ..self.metric(entry.metric, entry.at_ms, entry.value.clone())
         });
@@ -330,14 +333,14 @@ impl Device {
 }
 
 /// Milliseconds since 1970 of `at`.
-pub(super) fn millis(clock: Clock, at: MonoTime) -> u64 {
+pub(super) fn millis(clock: LabelClock, at: MonoTime) -> u64 {
     u64::try_from(clock.wall(at).unix_ms).unwrap_or(0)
 }
 
-fn with_quality(set: PropertySet, quality: Quality) -> PropertySet {
+fn with_quality(set: PropertySet, quality: PayloadQuality) -> PropertySet {
     set.with(
         "Quality",
-        Datatype::Int32,
+        PayloadType::Int32,
         PropertyScalar::Int(quality as u32),
     )
 }

@@ -1,17 +1,17 @@
 //! Shared by the tests of the session: a broker and a host that are played by hand, and helpers that read what the
 //! session does.
 
-use super::payload::{Metric, Payload, Value};
-use super::session::Session;
-use super::types::{Act, Settings};
+use super::payload::{PayloadMetric, PayloadValue, SparkplugPayload};
+use super::session::SparkplugSession;
+use super::types::{Settings, SparkplugAct};
 use crate::domain::command::{CommandAnswer, CommandRequest, Order, Outcome, Reason, Report};
 use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::ids::{AskerId, DriveIndex, Ticket};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
-use crate::journal::Attempt;
-use crate::north::broker::{Event, Message, Publication, ToLine, Version};
-use crate::north::clock::Moment;
+use crate::journal::WriteAttempt;
+use crate::north::broker::{BrokerEvent, BrokerMessage, MqttVersion, Publication, ToLine};
+use crate::north::clock::ClockMoment;
 use crate::north::stage::{self, Stage};
 pub(super) use crate::north::stage::{EPOCH_MS, Staged, message, name};
 use std::ops::{Deref, DerefMut};
@@ -26,7 +26,7 @@ pub(super) fn settings() -> Settings {
         node: name("plant"),
         standby: false,
         primary_host: Some("scada".into()),
-        version: Version::V5,
+        version: MqttVersion::V5,
         probe_topic: PROBE.into(),
         probe_interval: Duration::from_secs(1),
         probe_timeout: Duration::from_secs(3),
@@ -50,13 +50,13 @@ pub(super) fn drives() -> Vec<DriveDescription> {
 pub(super) struct Sent {
     /// The kind, followed by the device if it concerns one.
     pub(super) kind: String,
-    pub(super) payload: Payload,
+    pub(super) payload: SparkplugPayload,
     pub(super) publication: Publication,
 }
 
 impl Sent {
     /// The metric of this name or, by its birth, of this alias.
-    pub(super) fn metric(&self, name: &str) -> &Metric {
+    pub(super) fn metric(&self, name: &str) -> &PayloadMetric {
         let found = self
             .payload
             .metrics
@@ -65,14 +65,14 @@ impl Sent {
         found.unwrap_or_else(|| panic!("no {name} in {:?}", self.payload))
     }
 
-    pub(super) fn value(&self, name: &str) -> Option<Value> {
+    pub(super) fn value(&self, name: &str) -> Option<PayloadValue> {
         self.metric(name).value.clone()
     }
 }
 
 /// A session with its surroundings.
 pub(super) struct Rig {
-    pub(super) session: Session,
+    pub(super) session: SparkplugSession,
     stage: Stage,
     /// No probe returns.
     pub(super) is_deaf: bool,
@@ -93,7 +93,7 @@ impl DerefMut for Rig {
 }
 
 impl Staged for Rig {
-    type Act = Act;
+    type Act = SparkplugAct;
 
     fn stage(&mut self) -> &mut Stage {
         &mut self.stage
@@ -103,22 +103,22 @@ impl Staged for Rig {
         self.session.next_wake()
     }
 
-    fn tick(&mut self, at: Moment) {
+    fn tick(&mut self, at: ClockMoment) {
         self.session.tick(at);
     }
 
-    fn acts(&mut self) -> Vec<Act> {
+    fn acts(&mut self) -> Vec<SparkplugAct> {
         self.stage.show();
         let mut all = Vec::new();
         while let Some(act) =
             self.session
                 .next_act(self.stage.at(), &self.stage.shown, &self.stage.lines)
         {
-            if let Act::Publish(it) = &act
+            if let SparkplugAct::Publish(it) = &act
                 && it.topic == PROBE
                 && !self.is_deaf
             {
-                self.handle(Event::Message(message(PROBE, &it.payload)));
+                self.handle(BrokerEvent::Message(message(PROBE, &it.payload)));
             }
             all.push(act);
             assert!(all.len() < 10_000, "no end of acts");
@@ -135,7 +135,7 @@ impl Rig {
     pub(super) fn with(settings: Settings) -> Self {
         let stage = Stage::new();
         Self {
-            session: Session::new(settings, drives(), &[name("hall")], stage.at(), 7),
+            session: SparkplugSession::new(settings, drives(), &[name("hall")], stage.at(), 7),
             stage,
             is_deaf: false,
         }
@@ -154,46 +154,47 @@ impl Rig {
         u64::try_from(self.at().wall.unix_ms).expect("after 1970")
     }
 
-    pub(super) fn handle(&mut self, event: Event<'_>) {
+    pub(super) fn handle(&mut self, event: BrokerEvent<'_>) {
         self.session.handle(self.stage.at(), event);
     }
 
     /// Connects with this number, and the broker grants everything.
-    pub(super) fn connect(&mut self, bdseq: u8) -> Vec<Act> {
+    pub(super) fn connect(&mut self, bdseq: u8) -> Vec<SparkplugAct> {
         self.session.connecting(bdseq);
-        self.handle(Event::Connected(self.stage.broker));
+        self.handle(BrokerEvent::Connected(self.stage.broker));
         let acts = self.acts();
         let filters = acts.iter().find_map(|act| {
-            if let Act::Subscribe(it) = act {
+            if let SparkplugAct::Subscribe(it) = act {
                 Some(it.len())
             } else {
                 None
             }
         });
-        self.handle(Event::Subscribed(vec![
+        self.handle(BrokerEvent::Subscribed(vec![
             true;
-            filters.expect("a subscription")
+            filters
+                .expect("a subscription")
         ]));
         self.acts()
     }
 
     /// The host says whether it is online.
-    pub(super) fn host(&mut self, online: bool, timestamp: u64) -> Vec<Act> {
+    pub(super) fn host(&mut self, online: bool, timestamp: u64) -> Vec<SparkplugAct> {
         let payload = format!(r#"{{"online":{online},"timestamp":{timestamp}}}"#);
-        self.deliver(&Message {
+        self.deliver(&BrokerMessage {
             retain: true,
             ..message(STATE, payload.as_bytes())
         })
     }
 
-    pub(super) fn deliver(&mut self, message: &Message<'_>) -> Vec<Act> {
-        self.handle(Event::Message(message.clone()));
+    pub(super) fn deliver(&mut self, message: &BrokerMessage<'_>) -> Vec<SparkplugAct> {
+        self.handle(BrokerEvent::Message(message.clone()));
         self.acts()
     }
 
     /// A host writes these metrics of `pump`.
-    pub(super) fn command(&mut self, metrics: Vec<Metric>) -> Vec<Act> {
-        let payload = Payload {
+    pub(super) fn command(&mut self, metrics: Vec<PayloadMetric>) -> Vec<SparkplugAct> {
+        let payload = SparkplugPayload {
             timestamp: Some(self.unix_ms()),
             metrics,
             seq: None,
@@ -202,8 +203,8 @@ impl Rig {
     }
 
     /// A host writes these metrics of the edge node.
-    pub(super) fn node_command(&mut self, metrics: Vec<Metric>) -> Vec<Act> {
-        let payload = Payload {
+    pub(super) fn node_command(&mut self, metrics: Vec<PayloadMetric>) -> Vec<SparkplugAct> {
+        let payload = SparkplugPayload {
             timestamp: Some(self.unix_ms()),
             metrics,
             seq: None,
@@ -217,7 +218,7 @@ impl Rig {
         outcome: Outcome,
         reason: Reason,
         is_final: bool,
-    ) -> Vec<Act> {
+    ) -> Vec<SparkplugAct> {
         let report = Report::new(outcome, reason);
         let answer = CommandAnswer {
             asker: AskerId::SPARKPLUG,
@@ -231,22 +232,22 @@ impl Rig {
     }
 }
 
-pub(super) fn metric(name: &str, value: Value) -> Metric {
-    Metric {
+pub(super) fn metric(name: &str, value: PayloadValue) -> PayloadMetric {
+    PayloadMetric {
         name: Some(name.to_owned()),
         value: Some(value),
-        ..Metric::default()
+        ..PayloadMetric::default()
     }
 }
 
-pub(super) fn text(name: &str, value: &str) -> Metric {
-    metric(name, Value::Text(value.to_owned()))
+pub(super) fn text(name: &str, value: &str) -> PayloadMetric {
+    metric(name, PayloadValue::Text(value.to_owned()))
 }
 
 /// What was published, except the probe.
-pub(super) fn sent(acts: &[Act]) -> Vec<Sent> {
+pub(super) fn sent(acts: &[SparkplugAct]) -> Vec<Sent> {
     let published = acts.iter().filter_map(|act| {
-        if let Act::Publish(it) = act {
+        if let SparkplugAct::Publish(it) = act {
             Some(it)
         } else {
             None
@@ -265,7 +266,7 @@ pub(super) fn sent(acts: &[Act]) -> Vec<Sent> {
             let kind = levels
                 .next()
                 .map_or(kind.clone(), |device| format!("{kind} {device}"));
-            let payload = Payload::parse(&publication.payload).expect("a payload");
+            let payload = SparkplugPayload::parse(&publication.payload).expect("a payload");
             Sent {
                 kind,
                 payload,
@@ -275,14 +276,14 @@ pub(super) fn sent(acts: &[Act]) -> Vec<Sent> {
         .collect()
 }
 
-pub(super) fn kinds(acts: &[Act]) -> Vec<String> {
+pub(super) fn kinds(acts: &[SparkplugAct]) -> Vec<String> {
     sent(acts).into_iter().map(|sent| sent.kind).collect()
 }
 
-pub(super) fn commands(acts: &[Act]) -> Vec<&CommandRequest> {
+pub(super) fn commands(acts: &[SparkplugAct]) -> Vec<&CommandRequest> {
     acts.iter()
         .filter_map(|act| {
-            if let Act::ToLine(ToLine::Command(_, request)) = act {
+            if let SparkplugAct::ToLine(ToLine::Command(_, request)) = act {
                 Some(request)
             } else {
                 None
@@ -291,17 +292,17 @@ pub(super) fn commands(acts: &[Act]) -> Vec<&CommandRequest> {
         .collect()
 }
 
-pub(super) fn orders(acts: &[Act]) -> Vec<&Order> {
+pub(super) fn orders(acts: &[SparkplugAct]) -> Vec<&Order> {
     commands(acts)
         .into_iter()
         .map(|request| &request.order)
         .collect()
 }
 
-pub(super) fn kept(acts: &[Act]) -> Vec<&Attempt> {
+pub(super) fn kept(acts: &[SparkplugAct]) -> Vec<&WriteAttempt> {
     acts.iter()
         .filter_map(|act| {
-            if let Act::Keep(_, attempt) = act {
+            if let SparkplugAct::Keep(_, attempt) = act {
                 Some(attempt)
             } else {
                 None

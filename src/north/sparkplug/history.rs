@@ -4,7 +4,7 @@
 //! Sparkplug sends at quality of service 0, so a broker that dies takes the last messages with it. What was sent stays
 //! here until a probe that was sent after it returns.
 
-use super::payload::Value;
+use super::payload::PayloadValue;
 use std::collections::VecDeque;
 
 /// Most changes that concern trips, per drive: a night of a drive that trips again and again. They are never dropped
@@ -13,23 +13,23 @@ const TRIPS_MAX: usize = 256;
 
 /// A change of one metric.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Entry {
+pub(super) struct MetricChange {
     /// The metric's index in its device.
     pub(super) metric: usize,
     /// When, in milliseconds since 1970.
     pub(super) at_ms: u64,
     /// The value; `None`: there was none.
-    pub(super) value: Option<Value>,
+    pub(super) value: Option<PayloadValue>,
     pub(super) is_trip: bool,
 }
 
-impl Entry {
+impl MetricChange {
     /// Its size in a message, rounded up.
     fn bytes(&self) -> usize {
         /// Alias, moment, type, quality and a number.
         const OTHER_BYTES: usize = 64;
         OTHER_BYTES
-            + if let Some(Value::Text(text)) = &self.value {
+            + if let Some(PayloadValue::Text(text)) = &self.value {
                 text.len()
             } else {
                 0
@@ -39,18 +39,18 @@ impl Entry {
 
 /// The changes of one drive.
 #[derive(Debug, Default)]
-pub(super) struct History {
+pub(super) struct MetricHistory {
     /// Most changes of telemetry.
     keep: usize,
-    telemetry: VecDeque<(u64, Entry)>,
-    trips: VecDeque<(u64, Entry)>,
+    telemetry: VecDeque<(u64, MetricChange)>,
+    trips: VecDeque<(u64, MetricChange)>,
     /// Sent, each with the number of probes that had been sent before.
-    unproven: VecDeque<(u64, Entry)>,
+    unproven: VecDeque<(u64, MetricChange)>,
     last: u64,
     dropped: u64,
 }
 
-impl History {
+impl MetricHistory {
     pub(super) fn new(keep: usize) -> Self {
         Self {
             keep,
@@ -59,7 +59,7 @@ impl History {
     }
 
     /// Appends a change.
-    pub(super) fn add(&mut self, entry: Entry) {
+    pub(super) fn add(&mut self, entry: MetricChange) {
         self.last += 1;
         let (queue, most) = if entry.is_trip {
             (&mut self.trips, TRIPS_MAX)
@@ -77,7 +77,7 @@ impl History {
     }
 
     /// Takes up to `most` of the oldest, and no more after the one that fills `room_bytes`.
-    pub(super) fn take(&mut self, most: usize, room_bytes: usize) -> Vec<Entry> {
+    pub(super) fn take(&mut self, most: usize, room_bytes: usize) -> Vec<MetricChange> {
         let mut taken = Vec::new();
         let mut bytes = 0;
         while taken.len() < most && bytes < room_bytes {
@@ -96,8 +96,8 @@ impl History {
     }
 
     /// `entries` were sent after `probes` probes.
-    pub(super) fn sent(&mut self, probes: u64, entries: impl IntoIterator<Item = Entry>) {
-        let kept = |entry: &Entry| entry.is_trip || self.keep > 0;
+    pub(super) fn sent(&mut self, probes: u64, entries: impl IntoIterator<Item = MetricChange>) {
+        let kept = |entry: &MetricChange| entry.is_trip || self.keep > 0;
         self.unproven.extend(
             entries
                 .into_iter()
@@ -150,22 +150,22 @@ impl History {
 mod tests {
     use super::*;
 
-    fn entry(at_ms: u64, is_trip: bool) -> Entry {
-        Entry {
+    fn entry(at_ms: u64, is_trip: bool) -> MetricChange {
+        MetricChange {
             metric: 0,
             at_ms,
-            value: Some(Value::Boolean(is_trip)),
+            value: Some(PayloadValue::Boolean(is_trip)),
             is_trip,
         }
     }
 
-    fn moments(entries: &[Entry]) -> Vec<u64> {
+    fn moments(entries: &[MetricChange]) -> Vec<u64> {
         entries.iter().map(|entry| entry.at_ms).collect()
     }
 
     #[test]
     fn it_comes_out_in_the_order_in_which_it_happened() {
-        let mut history = History::new(10);
+        let mut history = MetricHistory::new(10);
         for at in 0..6 {
             history.add(entry(at, at % 3 == 1));
         }
@@ -177,7 +177,7 @@ mod tests {
 
     #[test]
     fn the_oldest_telemetry_gives_way_and_trips_do_not() {
-        let mut history = History::new(2);
+        let mut history = MetricHistory::new(2);
         history.add(entry(0, true));
         for at in 1..5 {
             history.add(entry(at, false));
@@ -191,14 +191,14 @@ mod tests {
             (3, 2, 0)
         );
         assert_eq!(moments(&history.take(9, usize::MAX)), [0, 3, 4]);
-        let mut history = History::new(0);
+        let mut history = MetricHistory::new(0);
         (0..1000).for_each(|at| history.add(entry(at, at % 2 == 0)));
         assert_eq!(history.len(), TRIPS_MAX, "telemetry is not wanted");
     }
 
     #[test]
     fn what_no_probe_has_followed_through_the_broker_is_sent_again_first() {
-        let mut history = History::new(10);
+        let mut history = MetricHistory::new(10);
         history.sent(4, [entry(1, false)]);
         history.sent(5, [entry(2, false), entry(3, true)]);
         history.add(entry(4, false));

@@ -5,7 +5,7 @@ use serde_json::Value;
 
 /// What a STATE message changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum News {
+pub(super) enum HostChange {
     /// It is not understood, or older than what is known.
     Nothing,
     /// The host is online.
@@ -16,7 +16,7 @@ pub(super) enum News {
 
 /// The primary host, if one is configured.
 #[derive(Debug)]
-pub(super) struct Host {
+pub(super) struct PrimaryHost {
     is_awaited: bool,
     is_online: bool,
     /// Timestamp of the newest message on this connection.
@@ -25,7 +25,7 @@ pub(super) struct Host {
     behind_ms: Option<u64>,
 }
 
-impl Host {
+impl PrimaryHost {
     pub(super) const fn new(is_awaited: bool) -> Self {
         Self {
             is_awaited,
@@ -54,23 +54,23 @@ impl Host {
     }
 
     /// Takes a STATE message. One that is older than a previous one is the delayed will of an earlier session.
-    pub(super) fn take(&mut self, payload: &[u8]) -> News {
+    pub(super) fn take(&mut self, payload: &[u8]) -> HostChange {
         let Some((is_online, timestamp)) = read(payload) else {
-            return News::Nothing;
+            return HostChange::Nothing;
         };
         if let Some(last) = self.timestamp.filter(|last| timestamp < *last) {
             if is_online && !self.is_online {
                 self.behind_ms = Some(last - timestamp);
             }
-            return News::Nothing;
+            return HostChange::Nothing;
         }
         self.timestamp = Some(timestamp);
         self.behind_ms = None;
         let has_changed = std::mem::replace(&mut self.is_online, is_online) != is_online;
         match (has_changed, is_online) {
-            (false, _) => News::Nothing,
-            (true, true) => News::Online,
-            (true, false) => News::Offline,
+            (false, _) => HostChange::Nothing,
+            (true, true) => HostChange::Online,
+            (true, false) => HostChange::Offline,
         }
     }
 }
@@ -94,49 +94,49 @@ mod tests {
     /// tck-id-message-flow-edge-node-birth-publish-phid-wait-online and -wait-timestamp.
     #[test]
     fn an_older_state_than_the_last_one_changes_nothing() {
-        let mut host = Host::new(true);
+        let mut host = PrimaryHost::new(true);
         assert!(!host.is_there());
-        assert_eq!(host.take(&state(true, 100)), News::Online);
+        assert_eq!(host.take(&state(true, 100)), HostChange::Online);
         assert_eq!(
             host.take(&state(false, 99)),
-            News::Nothing,
+            HostChange::Nothing,
             "the delayed will of its former session"
         );
         assert!(host.is_there());
         assert_eq!(
             host.take(&state(false, 100)),
-            News::Offline,
+            HostChange::Offline,
             "its own will has the timestamp of its birth"
         );
         assert!(!host.is_there());
-        assert_eq!(host.take(&state(true, 101)), News::Online);
+        assert_eq!(host.take(&state(true, 101)), HostChange::Online);
         host.forget();
         assert!(!host.is_there());
         assert_eq!(
             host.take(&state(true, 5)),
-            News::Online,
+            HostChange::Online,
             "of another broker"
         );
     }
 
     #[test]
     fn a_host_whose_clock_was_ahead_is_told_until_it_counts_again() {
-        let mut host = Host::new(true);
+        let mut host = PrimaryHost::new(true);
         host.take(&state(true, 7_200_000));
         host.take(&state(false, 7_200_000));
         assert_eq!(
             (host.take(&state(false, 10)), host.behind_ms()),
-            (News::Nothing, None),
+            (HostChange::Nothing, None),
             "a late will"
         );
         assert_eq!(
             (host.take(&state(true, 3_600_000)), host.behind_ms()),
-            (News::Nothing, Some(3_600_000))
+            (HostChange::Nothing, Some(3_600_000))
         );
         assert!(!host.is_there());
         assert_eq!(
             (host.take(&state(true, 7_200_001)), host.behind_ms()),
-            (News::Online, None)
+            (HostChange::Online, None)
         );
         host.take(&state(true, 1));
         assert_eq!(host.behind_ms(), None, "it is there");
@@ -148,7 +148,7 @@ mod tests {
 
     #[test]
     fn what_is_no_state_changes_nothing() {
-        let mut host = Host::new(true);
+        let mut host = PrimaryHost::new(true);
         for bad in [
             &b"ONLINE"[..],
             b"",
@@ -158,8 +158,8 @@ mod tests {
             br#"{"online":true}"#,
             b"\xFF",
         ] {
-            assert_eq!(host.take(bad), News::Nothing);
+            assert_eq!(host.take(bad), HostChange::Nothing);
         }
-        assert!(!host.is_there() && Host::new(false).is_there());
+        assert!(!host.is_there() && PrimaryHost::new(false).is_there());
     }
 }

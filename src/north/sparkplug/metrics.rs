@@ -2,27 +2,27 @@
 //!
 //! What MQTT publishes on a topic below the drive has the name of that topic here.
 
-use super::payload::{Datatype, PropertyScalar, PropertySet};
+use super::payload::{PayloadType, PropertyScalar, PropertySet};
 use crate::domain::control::ControlSettings;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
-use crate::drive::rated::Rated;
+use crate::drive::rated::RatedConversion;
 use crate::drive::usage::UsagePart;
-use crate::north::mqtt::{Kind, kinds};
+use crate::north::mqtt::{TopicKind, kinds};
 use crate::north::shown::capabilities;
-use crate::profile::model::{Flag, Register};
+use crate::profile::model::{IndicatedState, Register};
 
 /// Where the value of a metric comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Source {
+pub(super) enum MetricSource {
     /// The content of an MQTT topic.
-    Topic(Kind),
+    Topic(TopicKind),
     /// Trips that are kept.
     TripTotal,
     /// A part of control.
-    Control(Control),
+    Control(ControlPart),
     /// A part of a status register.
-    Status(Status),
+    Status(StatusPart),
     /// The state of the drive's own watchdog.
     Watchdog,
     /// The last command from a host.
@@ -34,12 +34,12 @@ pub(super) enum Source {
     /// The drive's native unit on Modbus TCP, which does not change.
     Unit,
     /// An input that a host writes.
-    Input(Input),
+    Input(MetricInput),
 }
 
 /// A part of control.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Control {
+pub(super) enum ControlPart {
     StartInhibited,
     StopPending,
     NotEffective,
@@ -50,7 +50,7 @@ pub(super) enum Control {
 
 /// A part of a status register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Status {
+pub(super) enum StatusPart {
     Local,
     Alarm,
     Ready,
@@ -68,7 +68,7 @@ pub(super) enum ResultPart {
 
 /// An input that a host writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Input {
+pub(super) enum MetricInput {
     Frequency,
     Run,
     Reset,
@@ -79,17 +79,17 @@ pub(super) enum Input {
 
 /// One metric of a drive.
 #[derive(Debug)]
-pub(super) struct Definition {
+pub(super) struct MetricDefinition {
     pub(super) name: String,
-    pub(super) source: Source,
-    pub(super) datatype: Datatype,
+    pub(super) source: MetricSource,
+    pub(super) datatype: PayloadType,
     unit: Option<&'static str>,
     /// Lowest and highest value.
     range: Option<(f64, f64)>,
 }
 
-impl Definition {
-    fn new(name: impl Into<String>, source: Source, datatype: Datatype) -> Self {
+impl MetricDefinition {
+    fn new(name: impl Into<String>, source: MetricSource, datatype: PayloadType) -> Self {
         Self {
             name: name.into(),
             source,
@@ -103,7 +103,7 @@ impl Definition {
     pub(super) const fn is_prompt(&self) -> bool {
         !matches!(
             self.source,
-            Source::Topic(Kind::Polled(_) | Kind::Rated(_) | Kind::Usage(_))
+            MetricSource::Topic(TopicKind::Polled(_) | TopicKind::Rated(_) | TopicKind::Usage(_))
         )
     }
 
@@ -111,24 +111,29 @@ impl Definition {
     pub(super) const fn is_recorded(&self) -> bool {
         let is_measured = matches!(
             self.source,
-            Source::Topic(Kind::RunState | Kind::Polled(_) | Kind::Rated(_) | Kind::Setpoint)
+            MetricSource::Topic(
+                TopicKind::RunState
+                    | TopicKind::Polled(_)
+                    | TopicKind::Rated(_)
+                    | TopicKind::Setpoint
+            )
         );
         is_measured || self.is_trip()
     }
 
     /// Whether it concerns trips.
     pub(super) const fn is_trip(&self) -> bool {
-        use Kind::{TripActive, TripCode, TripCount, TripLast, TripText};
+        use TopicKind::{TripActive, TripCode, TripCount, TripLast, TripText};
         let topic = matches!(
             self.source,
-            Source::Topic(TripActive | TripCode | TripCount | TripLast | TripText)
+            MetricSource::Topic(TripActive | TripCode | TripCount | TripLast | TripText)
         );
-        topic || matches!(self.source, Source::TripTotal)
+        topic || matches!(self.source, MetricSource::TripTotal)
     }
 
     /// The input that a host writes here; `None`: it may not.
-    pub(super) const fn input(&self) -> Option<Input> {
-        if let Source::Input(input) = self.source {
+    pub(super) const fn input(&self) -> Option<MetricInput> {
+        if let MetricSource::Input(input) = self.source {
             Some(input)
         } else {
             None
@@ -138,14 +143,14 @@ impl Definition {
     /// What a birth says of it besides its value: the property names that hosts know.
     pub(super) fn properties(&self) -> PropertySet {
         let number = |set: PropertySet, key, value: Option<f64>| match value {
-            Some(value) => set.with(key, Datatype::Double, PropertyScalar::Double(value)),
+            Some(value) => set.with(key, PayloadType::Double, PropertyScalar::Double(value)),
             None => set,
         };
         let set = PropertySet::default();
         let set = match self.unit {
             Some(unit) => set.with(
                 "engUnit",
-                Datatype::Text,
+                PayloadType::Text,
                 PropertyScalar::Text(unit.to_owned()),
             ),
             None => set,
@@ -154,54 +159,52 @@ impl Definition {
         let set = number(set, "engHigh", self.range.map(|(_, high)| high));
         set.with(
             "readOnly",
-            Datatype::Boolean,
+            PayloadType::Boolean,
             PropertyScalar::Boolean(self.input().is_none()),
         )
     }
 }
 
 /// The metrics of `drive`, always in the same order.
-pub(super) fn of_drive(drive: &DriveDescription) -> Vec<Definition> {
+pub(super) fn of_drive(drive: &DriveDescription) -> Vec<MetricDefinition> {
     let topics = kinds(drive)
         .into_iter()
-        .filter(|(kind, _)| *kind != Kind::Availability);
+        .filter(|(kind, _)| *kind != TopicKind::Availability);
     let mut all: Vec<_> = topics
         .map(|(kind, name)| of_topic(drive, kind, name))
         .collect();
-    all.push(Definition::new(
+    all.push(MetricDefinition::new(
         "trip/total",
-        Source::TripTotal,
-        Datatype::Int64,
+        MetricSource::TripTotal,
+        PayloadType::Int64,
     ));
     let flags = [
-        ("status/may_still_run", Status::MayStillRun, true),
+        ("status/may_still_run", StatusPart::MayStillRun, true),
         (
             "status/local",
-            Status::Local,
-            drive.model.status_flag(Flag::BusRun).is_some(),
+            StatusPart::Local,
+            drive.model.status_flag(IndicatedState::BusRun).is_some(),
         ),
         (
             "status/alarm",
-            Status::Alarm,
-            drive.model.status_flag(Flag::Alarm).is_some(),
+            StatusPart::Alarm,
+            drive.model.status_flag(IndicatedState::Alarm).is_some(),
         ),
         (
             "status/ready",
-            Status::Ready,
-            drive.model.status_flag(Flag::Ready).is_some(),
+            StatusPart::Ready,
+            drive.model.status_flag(IndicatedState::Ready).is_some(),
         ),
     ];
     let flags = flags.into_iter().filter(|(_, _, has_it)| *has_it);
-    all.extend(
-        flags.map(|(name, status, _)| {
-            Definition::new(name, Source::Status(status), Datatype::Boolean)
-        }),
-    );
+    all.extend(flags.map(|(name, status, _)| {
+        MetricDefinition::new(name, MetricSource::Status(status), PayloadType::Boolean)
+    }));
     if drive.model.watchdog.is_some() {
-        all.push(Definition::new(
+        all.push(MetricDefinition::new(
             "watchdog/state",
-            Source::Watchdog,
-            Datatype::Text,
+            MetricSource::Watchdog,
+            PayloadType::Text,
         ));
     }
     if let Some(control) = &drive.control {
@@ -211,107 +214,114 @@ pub(super) fn of_drive(drive: &DriveDescription) -> Vec<Definition> {
             all.extend(results());
         }
     }
-    all.push(Definition::new(
+    all.push(MetricDefinition::new(
         "Properties/model",
-        Source::Model,
-        Datatype::Text,
+        MetricSource::Model,
+        PayloadType::Text,
     ));
-    all.push(Definition::new(
+    all.push(MetricDefinition::new(
         "Properties/line",
-        Source::Line,
-        Datatype::Text,
+        MetricSource::Line,
+        PayloadType::Text,
     ));
-    all.push(Definition::new(
+    all.push(MetricDefinition::new(
         "Properties/unit",
-        Source::Unit,
-        Datatype::Int32,
+        MetricSource::Unit,
+        PayloadType::Int32,
     ));
     all
 }
 
-fn of_topic(drive: &DriveDescription, kind: Kind, name: String) -> Definition {
+fn of_topic(drive: &DriveDescription, kind: TopicKind, name: String) -> MetricDefinition {
     let datatype = match kind {
-        Kind::Polled(_) | Kind::Rated(_) | Kind::Setpoint | Kind::Param(_) => Datatype::Double,
-        Kind::TripActive | Kind::WarningActive => Datatype::Boolean,
-        Kind::TripCode | Kind::TripCount | Kind::WarningCode => Datatype::Int32,
-        Kind::Usage(UsagePart::Energy | UsagePart::RunningHours) => Datatype::Double,
-        Kind::Usage(UsagePart::Starts | UsagePart::Trips) => Datatype::Int64,
-        Kind::Availability
-        | Kind::RunState
-        | Kind::Owner
-        | Kind::TripText
-        | Kind::TripLast
-        | Kind::WarningText => Datatype::Text,
+        TopicKind::Polled(_) | TopicKind::Rated(_) | TopicKind::Setpoint | TopicKind::Param(_) => {
+            PayloadType::Double
+        }
+        TopicKind::TripActive | TopicKind::WarningActive => PayloadType::Boolean,
+        TopicKind::TripCode | TopicKind::TripCount | TopicKind::WarningCode => PayloadType::Int32,
+        TopicKind::Usage(UsagePart::Energy | UsagePart::RunningHours) => PayloadType::Double,
+        TopicKind::Usage(UsagePart::Starts | UsagePart::Trips) => PayloadType::Int64,
+        TopicKind::Availability
+        | TopicKind::RunState
+        | TopicKind::Owner
+        | TopicKind::TripText
+        | TopicKind::TripLast
+        | TopicKind::WarningText => PayloadType::Text,
     };
     let register = |place: usize| drive.model.registers.get(place);
     let unit = match kind {
-        Kind::Polled(place) => register(place).map(|it| it.unit),
-        Kind::Rated(place) => register(place)
-            .and_then(|it| Rated::of(it, &drive.ratings))
+        TopicKind::Polled(place) => register(place).map(|it| it.unit),
+        TopicKind::Rated(place) => register(place)
+            .and_then(|it| RatedConversion::of(it, &drive.ratings))
             .map(|rated| rated.unit),
-        Kind::Setpoint => Some(UnitOfMeasure::Hertz),
-        Kind::Usage(part) => Some(part.unit()),
+        TopicKind::Setpoint => Some(UnitOfMeasure::Hertz),
+        TopicKind::Usage(part) => Some(part.unit()),
         _ => None,
     };
     let unit = unit
         .filter(|unit| *unit != UnitOfMeasure::None)
         .map(UnitOfMeasure::symbol);
-    Definition {
+    MetricDefinition {
         unit,
-        ..Definition::new(name, Source::Topic(kind), datatype)
+        ..MetricDefinition::new(name, MetricSource::Topic(kind), datatype)
     }
 }
 
-fn of_control() -> impl Iterator<Item = Definition> {
+fn of_control() -> impl Iterator<Item = MetricDefinition> {
     let parts = [
-        ("control/start_inhibited", Control::StartInhibited),
-        ("control/stop_pending", Control::StopPending),
-        ("control/not_effective", Control::NotEffective),
-        ("control/output_outside", Control::OutputOutside),
-        ("control/stopped_elsewhere", Control::StoppedElsewhere),
-        ("control/failsafe", Control::FailSafe),
+        ("control/start_inhibited", ControlPart::StartInhibited),
+        ("control/stop_pending", ControlPart::StopPending),
+        ("control/not_effective", ControlPart::NotEffective),
+        ("control/output_outside", ControlPart::OutputOutside),
+        ("control/stopped_elsewhere", ControlPart::StoppedElsewhere),
+        ("control/failsafe", ControlPart::FailSafe),
     ];
-    parts
-        .into_iter()
-        .map(|(name, part)| Definition::new(name, Source::Control(part), Datatype::Boolean))
+    parts.into_iter().map(|(name, part)| {
+        MetricDefinition::new(name, MetricSource::Control(part), PayloadType::Boolean)
+    })
 }
 
-fn inputs(drive: &DriveDescription, control: &ControlSettings) -> Vec<Definition> {
+fn inputs(drive: &DriveDescription, control: &ControlSettings) -> Vec<MetricDefinition> {
     let capable = capabilities(drive);
     let may = |word: &str| capable.contains(&word);
-    let input = |name: &str, input, datatype| Definition::new(name, Source::Input(input), datatype);
-    let frequency = Definition {
+    let input = |name: &str, input, datatype| {
+        MetricDefinition::new(name, MetricSource::Input(input), datatype)
+    };
+    let frequency = MetricDefinition {
         unit: Some(UnitOfMeasure::Hertz.symbol()),
         range: Some((control.least.as_f64(), control.most.as_f64())),
-        ..input("frequency/set", Input::Frequency, Datatype::Double)
+        ..input("frequency/set", MetricInput::Frequency, PayloadType::Double)
     };
-    let mut all = vec![frequency, input("run/set", Input::Run, Datatype::Text)];
+    let mut all = vec![
+        frequency,
+        input("run/set", MetricInput::Run, PayloadType::Text),
+    ];
     let buttons = [
-        ("trip/reset", Input::Reset, may("reset")),
-        ("control/take", Input::Take, may("take")),
-        ("control/release", Input::Release, may("release")),
-        ("lease", Input::Lease, true),
+        ("trip/reset", MetricInput::Reset, may("reset")),
+        ("control/take", MetricInput::Take, may("take")),
+        ("control/release", MetricInput::Release, may("release")),
+        ("lease", MetricInput::Lease, true),
     ];
     let buttons = buttons.into_iter().filter(|(_, _, may)| *may);
-    all.extend(buttons.map(|(name, which, _)| input(name, which, Datatype::Boolean)));
+    all.extend(buttons.map(|(name, which, _)| input(name, which, PayloadType::Boolean)));
     all
 }
 
-fn results() -> impl Iterator<Item = Definition> {
+fn results() -> impl Iterator<Item = MetricDefinition> {
     let parts = [
-        ("result/outcome", ResultPart::Outcome, Datatype::Text),
-        ("result/reason", ResultPart::Reason, Datatype::Text),
-        ("result/message", ResultPart::Message, Datatype::Text),
-        ("result/count", ResultPart::Count, Datatype::Int64),
+        ("result/outcome", ResultPart::Outcome, PayloadType::Text),
+        ("result/reason", ResultPart::Reason, PayloadType::Text),
+        ("result/message", ResultPart::Message, PayloadType::Text),
+        ("result/count", ResultPart::Count, PayloadType::Int64),
     ];
-    parts
-        .into_iter()
-        .map(|(name, part, datatype)| Definition::new(name, Source::Result(part), datatype))
+    parts.into_iter().map(|(name, part, datatype)| {
+        MetricDefinition::new(name, MetricSource::Result(part), datatype)
+    })
 }
 
 /// The register that a metric shows.
-pub(super) fn register(drive: &DriveDescription, source: Source) -> Option<&Register> {
-    let Source::Topic(kind) = source else {
+pub(super) fn register(drive: &DriveDescription, source: MetricSource) -> Option<&Register> {
+    let MetricSource::Topic(kind) = source else {
         return None;
     };
     drive.model.registers.get(kind.register()?)

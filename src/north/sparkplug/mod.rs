@@ -1,6 +1,6 @@
 //! The Sparkplug B side without a socket or a clock: the gateway is an edge node, each drive a device.
 //!
-//! [`Session`] is the whole. Inside it, `topics` knows the topics, `payload` the bytes, `host` whether the primary host
+//! [`SparkplugSession`] is the whole. Inside it, `topics` knows the topics, `payload` the bytes, `host` whether the primary host
 //! is online, `metrics` the metrics of a drive and their names, `content` the content of each, `device` and `node` what
 //! is news, `telling` puts it into messages, `history` keeps what happened while no host could be reached, `order`
 //! parses commands, and `commands` turns them into commands of [`broker`](super::broker) and reports their outcomes.
@@ -28,5 +28,5 @@ mod session_tests;
 #[cfg(test)]
 mod standby_tests;
 
-pub use session::Session;
-pub use types::{Act, Counters, Settings};
+pub use session::SparkplugSession;
+pub use types::{Settings, SparkplugAct, SparkplugCounters};

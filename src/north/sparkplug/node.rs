@@ -1,7 +1,7 @@
 //! The metrics of the edge node itself: the gateway and its lines.
 
-use super::payload::{Datatype, Metric, PropertyScalar, PropertySet, Value};
-use crate::north::broker::LineState;
+use super::payload::{PayloadMetric, PayloadType, PayloadValue, PropertyScalar, PropertySet};
+use crate::north::broker::SessionLine;
 
 /// The name of the metric that identifies a session; it has no alias.
 pub(super) const BDSEQ: &str = "bdSeq";
@@ -17,7 +17,7 @@ const FIRST_LINE_ALIAS: u64 = 3;
 
 /// The metrics of the edge node.
 #[derive(Debug, Default)]
-pub(super) struct Node {
+pub(super) struct EdgeNode {
     /// The last published state of each line.
     told: Vec<String>,
 }
@@ -26,15 +26,15 @@ pub(super) struct Node {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum NodeCommand<'m> {
     /// All births again, or not.
-    Rebirth(Option<&'m Value>),
+    Rebirth(Option<&'m PayloadValue>),
     /// STOP for all.
-    All(Option<&'m Value>),
+    All(Option<&'m PayloadValue>),
     /// Unknown here.
     Unknown,
 }
 
 /// What `metric` requests.
-pub(super) fn asked(metric: &Metric) -> NodeCommand<'_> {
+pub(super) fn asked(metric: &PayloadMetric) -> NodeCommand<'_> {
     let value = metric.value.as_ref();
     match (metric.name.as_deref(), metric.alias) {
         (Some(REBIRTH), _) => NodeCommand::Rebirth(value),
@@ -49,51 +49,59 @@ pub(super) const fn next_alias(lines: usize) -> u64 {
 }
 
 /// The metric that identifies a session.
-pub(super) fn bdseq(number: u8, at_ms: u64) -> Metric {
-    Metric {
+pub(super) fn bdseq(number: u8, at_ms: u64) -> PayloadMetric {
+    PayloadMetric {
         name: Some(BDSEQ.to_owned()),
         timestamp: Some(at_ms),
-        datatype: Some(Datatype::Int64 as u32),
-        value: Some(Value::of_i64(number.into())),
-        ..Metric::default()
+        datatype: Some(PayloadType::Int64 as u32),
+        value: Some(PayloadValue::of_i64(number.into())),
+        ..PayloadMetric::default()
     }
 }
 
-impl Node {
+impl EdgeNode {
     /// All metrics of the edge node. `stops`: there are drives that a host may stop.
     pub(super) fn birth(
         &mut self,
-        bdseq: Metric,
+        bdseq: PayloadMetric,
         at_ms: u64,
-        lines: &[LineState],
+        lines: &[SessionLine],
         stops: bool,
-    ) -> Vec<Metric> {
-        let metric = |name: &str, alias: Option<u64>, datatype: Datatype, value: Value| Metric {
+    ) -> Vec<PayloadMetric> {
+        let metric = |name: &str,
+                      alias: Option<u64>,
+                      datatype: PayloadType,
+                      value: PayloadValue| PayloadMetric {
             name: Some(name.to_owned()),
             alias,
             timestamp: Some(at_ms),
             datatype: Some(datatype as u32),
             properties: read_only(alias.is_some_and(|alias| alias != STOP_ALL_ALIAS)),
             value: Some(value),
-            ..Metric::default()
+            ..PayloadMetric::default()
         };
-        let text = |text: &str| Value::Text(text.to_owned());
+        let text = |text: &str| PayloadValue::Text(text.to_owned());
         let mut all = vec![
             bdseq,
-            metric(REBIRTH, None, Datatype::Boolean, Value::Boolean(false)),
+            metric(
+                REBIRTH,
+                None,
+                PayloadType::Boolean,
+                PayloadValue::Boolean(false),
+            ),
         ];
         let version = env!("CARGO_PKG_VERSION");
         all.push(metric(
             "Properties/version",
             Some(VERSION_ALIAS),
-            Datatype::Text,
+            PayloadType::Text,
             text(version),
         ));
         if stops {
             all.push(metric(
                 STOP_ALL,
                 Some(STOP_ALL_ALIAS),
-                Datatype::Text,
+                PayloadType::Text,
                 text(""),
             ));
         }
@@ -103,7 +111,7 @@ impl Node {
                 metric(
                     &format!("line/{}/status", line.name),
                     Some(alias),
-                    Datatype::Text,
+                    PayloadType::Text,
                     text(status),
                 )
             },
@@ -113,7 +121,7 @@ impl Node {
     }
 
     /// What has changed since it was last published.
-    pub(super) fn data(&mut self, at_ms: u64, lines: &[LineState]) -> Vec<Metric> {
+    pub(super) fn data(&mut self, at_ms: u64, lines: &[SessionLine]) -> Vec<PayloadMetric> {
         let mut changed = Vec::new();
         for ((alias, line), told) in (FIRST_LINE_ALIAS..).zip(lines).zip(&mut self.told) {
             let status = status(line);
@@ -121,22 +129,22 @@ impl Node {
                 continue;
             }
             told.clone_from(&status);
-            let value = Some(Value::Text(status));
+            let value = Some(PayloadValue::Text(status));
             let timestamp = Some(at_ms);
-            let datatype = Some(Datatype::Text as u32);
-            changed.push(Metric {
+            let datatype = Some(PayloadType::Text as u32);
+            changed.push(PayloadMetric {
                 alias: Some(alias),
                 timestamp,
                 datatype,
                 value,
-                ..Metric::default()
+                ..PayloadMetric::default()
             });
         }
         changed
     }
 }
 
-fn status(line: &LineState) -> String {
+fn status(line: &SessionLine) -> String {
     line.report
         .down_reason()
         .map_or_else(|| "up".to_owned(), |reason| format!("down: {reason}"))
@@ -146,7 +154,7 @@ fn read_only(is_read_only: bool) -> Option<PropertySet> {
     let set = PropertySet::default();
     Some(set.with(
         "readOnly",
-        Datatype::Boolean,
+        PayloadType::Boolean,
         PropertyScalar::Boolean(is_read_only),
     ))
 }

@@ -1,12 +1,14 @@
 //! What the metrics of a command order, or why they order nothing.
 
-use super::device::Device;
-use super::metrics::Input;
-use super::payload::{Metric, Value};
-use crate::domain::command::{Direction, Go, Order, Reason};
+use super::device::SparkplugDevice;
+use super::metrics::MetricInput;
+use super::payload::{PayloadMetric, PayloadValue};
+use crate::domain::command::{Direction, GoOrder, Order, Reason};
 use crate::domain::frequency::Hertz;
 use crate::domain::problem::nearest;
-use crate::north::command_words::{RUN_EXAMPLE, Refused, RunWord, no_frequency, run_word, short};
+use crate::north::command_words::{
+    RUN_EXAMPLE, RefusedCommand, RunWord, no_frequency, run_word, short,
+};
 use crate::profile::scale::Decimal;
 
 /// What a message orders.
@@ -15,7 +17,7 @@ pub(super) struct DeviceCommand {
     /// The order; `None`: there is none, as when buttons were released.
     pub(super) order: Option<Order>,
     /// Why the message, or what it contains besides a stop, is refused.
-    pub(super) refused: Option<Refused>,
+    pub(super) refused: Option<RefusedCommand>,
 }
 
 /// What one metric orders.
@@ -33,7 +35,7 @@ enum MetricOrder {
 
 /// Reads a command for `device`. All metrics are checked before any counts; but a stop counts whatever else the message
 /// contains.
-pub(super) fn read(device: &Device, metrics: &[Metric]) -> DeviceCommand {
+pub(super) fn read(device: &SparkplugDevice, metrics: &[PayloadMetric]) -> DeviceCommand {
     let read: Vec<_> = metrics.iter().map(|metric| part(device, metric)).collect();
     let has = |part: MetricOrder| read.contains(&Ok(Some(part)));
     for (part, order) in [
@@ -61,7 +63,7 @@ pub(super) fn read(device: &Device, metrics: &[Metric]) -> DeviceCommand {
     }
 }
 
-fn one_order(parts: &[MetricOrder]) -> Result<Option<Order>, Refused> {
+fn one_order(parts: &[MetricOrder]) -> Result<Option<Order>, RefusedCommand> {
     let mut frequency = None;
     let mut run = None;
     let mut single = None;
@@ -79,20 +81,23 @@ fn one_order(parts: &[MetricOrder]) -> Result<Option<Order>, Refused> {
             return Err(conflict());
         }
     }
-    match (Go::new(Vec::new(), frequency, run), single) {
+    match (GoOrder::new(Vec::new(), frequency, run), single) {
         (Some(_), Some(_)) => Err(conflict()),
         (Some(go), None) => Ok(Some(Order::Go(go))),
         (None, single) => Ok(single),
     }
 }
 
-fn conflict() -> Refused {
+fn conflict() -> RefusedCommand {
     let message = "one message carries a frequency, a direction, or both; or one of reset, take, release and lease";
-    Refused::new(Reason::Conflict, message)
+    RefusedCommand::new(Reason::Conflict, message)
 }
 
 /// What `metric` orders; `None`: a button that is not pressed.
-fn part(device: &Device, metric: &Metric) -> Result<Option<MetricOrder>, Refused> {
+fn part(
+    device: &SparkplugDevice,
+    metric: &PayloadMetric,
+) -> Result<Option<MetricOrder>, RefusedCommand> {
     let Some(definition) = device.definition(metric) else {
         return Err(unknown(device, metric));
     };
@@ -104,7 +109,7 @@ fn part(device: &Device, metric: &Metric) -> Result<Option<MetricOrder>, Refused
         } else {
             inputs.join(", ")
         };
-        Refused::new(
+        RefusedCommand::new(
             Reason::NotUnderstood,
             format!("`{name}` is not written; what is: {right}"),
         )
@@ -115,18 +120,18 @@ fn part(device: &Device, metric: &Metric) -> Result<Option<MetricOrder>, Refused
         metric.value.as_ref()
     };
     match input {
-        Input::Frequency => frequency(name, value, device.setpoint_step())
+        MetricInput::Frequency => frequency(name, value, device.setpoint_step())
             .map(MetricOrder::Frequency)
             .map(Some),
-        Input::Run => run(name, value).map(Some),
-        Input::Reset => button(name, value, MetricOrder::Reset),
-        Input::Take => button(name, value, MetricOrder::Take),
-        Input::Release => button(name, value, MetricOrder::Release),
-        Input::Lease => button(name, value, MetricOrder::Renew),
+        MetricInput::Run => run(name, value).map(Some),
+        MetricInput::Reset => button(name, value, MetricOrder::Reset),
+        MetricInput::Take => button(name, value, MetricOrder::Take),
+        MetricInput::Release => button(name, value, MetricOrder::Release),
+        MetricInput::Lease => button(name, value, MetricOrder::Renew),
     }
 }
 
-fn unknown(device: &Device, metric: &Metric) -> Refused {
+fn unknown(device: &SparkplugDevice, metric: &PayloadMetric) -> RefusedCommand {
     let message = match (&metric.name, metric.alias) {
         (Some(name), _) => {
             let near = if name.len() <= 64 {
@@ -144,27 +149,33 @@ fn unknown(device: &Device, metric: &Metric) -> Refused {
         }
         (None, None) => "a metric has neither name nor alias".to_owned(),
     };
-    Refused::new(Reason::NotUnderstood, message)
+    RefusedCommand::new(Reason::NotUnderstood, message)
 }
 
-fn frequency(name: &str, value: Option<&Value>, step: Option<Decimal>) -> Result<Hertz, Refused> {
+fn frequency(
+    name: &str,
+    value: Option<&PayloadValue>,
+    step: Option<Decimal>,
+) -> Result<Hertz, RefusedCommand> {
     let number = match value {
-        Some(Value::Double(number)) => *number,
+        Some(PayloadValue::Double(number)) => *number,
         // The nearest double has digits that were not written.
-        Some(Value::Float(number)) => number.to_string().parse().unwrap_or(f64::NAN),
-        Some(Value::Int(bits)) => f64::from(bits.cast_signed()),
-        Some(Value::Long(bits)) => i32::try_from(bits.cast_signed()).map_or(f64::NAN, f64::from),
+        Some(PayloadValue::Float(number)) => number.to_string().parse().unwrap_or(f64::NAN),
+        Some(PayloadValue::Int(bits)) => f64::from(bits.cast_signed()),
+        Some(PayloadValue::Long(bits)) => {
+            i32::try_from(bits.cast_signed()).map_or(f64::NAN, f64::from)
+        }
         _ => {
             let message = format!("`{name}` takes hertz as a number, such as 42.5");
-            return Err(Refused::new(Reason::NotANumber, message));
+            return Err(RefusedCommand::new(Reason::NotANumber, message));
         }
     };
     Hertz::from_f64(number).map_err(|why| no_frequency(why, name, &number.to_string(), step))
 }
 
-fn run(name: &str, value: Option<&Value>) -> Result<MetricOrder, Refused> {
-    let Some(Value::Text(text)) = value else {
-        return Err(Refused::new(
+fn run(name: &str, value: Option<&PayloadValue>) -> Result<MetricOrder, RefusedCommand> {
+    let Some(PayloadValue::Text(text)) = value else {
+        return Err(RefusedCommand::new(
             Reason::NotUnderstood,
             format!("`{name}` takes text: {RUN_EXAMPLE}"),
         ));
@@ -178,12 +189,12 @@ fn run(name: &str, value: Option<&Value>) -> Result<MetricOrder, Refused> {
 
 fn button(
     name: &str,
-    value: Option<&Value>,
+    value: Option<&PayloadValue>,
     part: MetricOrder,
-) -> Result<Option<MetricOrder>, Refused> {
+) -> Result<Option<MetricOrder>, RefusedCommand> {
     match value {
-        Some(Value::Boolean(is_down)) => Ok(is_down.then_some(part)),
-        _ => Err(Refused::new(
+        Some(PayloadValue::Boolean(is_down)) => Ok(is_down.then_some(part)),
+        _ => Err(RefusedCommand::new(
             Reason::NotUnderstood,
             format!("`{name}` accepts only true; false has no effect"),
         )),

@@ -10,13 +10,13 @@ pub const COMMAND_MAX_BYTES: usize = 8 * 1024;
 
 /// One message.
 #[derive(Clone, PartialEq, prost::Message)]
-pub struct Payload {
+pub struct SparkplugPayload {
     /// When it was sent, in milliseconds since 1970 (UTC).
     #[prost(uint64, optional, tag = "1")]
     pub timestamp: Option<u64>,
     /// Its values or orders.
     #[prost(message, repeated, tag = "2")]
-    pub metrics: Vec<Metric>,
+    pub metrics: Vec<PayloadMetric>,
     /// Its number among the messages of its edge node, 0 to 255; commands and NDEATH have none.
     #[prost(uint64, optional, tag = "3")]
     pub seq: Option<u64>,
@@ -24,7 +24,7 @@ pub struct Payload {
 
 /// One value of a message.
 #[derive(Clone, PartialEq, prost::Message)]
-pub struct Metric {
+pub struct PayloadMetric {
     /// Its name; always present in births.
     #[prost(string, optional, tag = "1")]
     pub name: Option<String>,
@@ -34,7 +34,7 @@ pub struct Metric {
     /// When it had this value, in milliseconds since 1970 (UTC).
     #[prost(uint64, optional, tag = "3")]
     pub timestamp: Option<u64>,
-    /// The number of a [`Datatype`].
+    /// The number of a [`PayloadType`].
     #[prost(uint32, optional, tag = "4")]
     pub datatype: Option<u32>,
     /// It is historical, and says nothing about the present.
@@ -47,13 +47,13 @@ pub struct Metric {
     #[prost(message, optional, tag = "9")]
     pub properties: Option<PropertySet>,
     /// The value.
-    #[prost(oneof = "Value", tags = "10, 11, 12, 13, 14, 15")]
-    pub value: Option<Value>,
+    #[prost(oneof = "PayloadValue", tags = "10, 11, 12, 13, 14, 15")]
+    pub value: Option<PayloadValue>,
 }
 
 /// A value as sent. Signed numbers are sent as their bits.
 #[derive(Clone, PartialEq, prost::Oneof)]
-pub enum Value {
+pub enum PayloadValue {
     /// Integers of up to 32 bits.
     #[prost(uint32, tag = "10")]
     Int(u32),
@@ -88,7 +88,7 @@ pub struct PropertySet {
 impl PropertySet {
     /// With one more property.
     #[must_use]
-    pub fn with(mut self, key: &str, datatype: Datatype, value: PropertyScalar) -> Self {
+    pub fn with(mut self, key: &str, datatype: PayloadType, value: PropertyScalar) -> Self {
         self.keys.push(key.to_owned());
         self.values.push(PropertyValue {
             datatype: Some(datatype as u32),
@@ -107,7 +107,7 @@ impl PropertySet {
 /// The value of a property.
 #[derive(Clone, PartialEq, prost::Message)]
 pub struct PropertyValue {
-    /// The number of a [`Datatype`].
+    /// The number of a [`PayloadType`].
     #[prost(uint32, optional, tag = "1")]
     pub datatype: Option<u32>,
     /// The value.
@@ -138,7 +138,7 @@ pub enum PropertyScalar {
 /// Types of values, by their numbers in the specification.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
-pub enum Datatype {
+pub enum PayloadType {
     /// Signed, 32 bits.
     Int32 = 3,
     /// Signed, 64 bits.
@@ -151,17 +151,17 @@ pub enum Datatype {
     Text = 12,
 }
 
-/// How reliable a value is: the property `Quality`.
+/// How reliable a value is: the property `PayloadQuality`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
-pub enum Quality {
+pub enum PayloadQuality {
     /// It is valid.
     Good = 192,
     /// It is older than allowed, or was never read.
     Stale = 500,
 }
 
-impl Payload {
+impl SparkplugPayload {
     /// The payload of a command in `bytes`.
     ///
     /// # Errors
@@ -191,7 +191,7 @@ impl Payload {
     }
 }
 
-impl Value {
+impl PayloadValue {
     /// A signed integer of 64 bits.
     #[must_use]
     pub const fn of_i64(number: i64) -> Self {
@@ -213,48 +213,48 @@ mod tests {
     fn what_is_written_is_read_back() {
         let properties = PropertySet::default().with(
             "engUnit",
-            Datatype::Text,
+            PayloadType::Text,
             PropertyScalar::Text("Hz".into()),
         );
         let values = [
-            Value::of_i32(-2),
-            Value::of_i64(-3),
-            Value::Float(1.5),
-            Value::Double(42.5),
-            Value::Boolean(true),
-            Value::Text("forward".into()),
+            PayloadValue::of_i32(-2),
+            PayloadValue::of_i64(-3),
+            PayloadValue::Float(1.5),
+            PayloadValue::Double(42.5),
+            PayloadValue::Boolean(true),
+            PayloadValue::Text("forward".into()),
         ];
-        let metric = |value| Metric {
+        let metric = |value| PayloadMetric {
             name: Some("run/set".into()),
             alias: Some(7),
             timestamp: Some(1_767_225_600_000),
-            datatype: Some(Datatype::Text as u32),
+            datatype: Some(PayloadType::Text as u32),
             is_historical: Some(true),
             is_null: None,
             properties: properties.clone().or_none(),
             value: Some(value),
         };
-        let payload = Payload {
+        let payload = SparkplugPayload {
             timestamp: Some(1_767_225_600_001),
             metrics: values.into_iter().map(metric).collect(),
             seq: Some(255),
         };
-        assert_eq!(Payload::read(&payload.bytes()), Ok(payload));
+        assert_eq!(SparkplugPayload::read(&payload.bytes()), Ok(payload));
     }
 
     /// tck-id-payloads-metric-datatype-value, tck-id-payloads-propertyset-quality-value-value.
     #[test]
     fn types_and_qualities_have_the_numbers_of_the_specification() {
         let types = [
-            Datatype::Int32,
-            Datatype::Int64,
-            Datatype::Double,
-            Datatype::Boolean,
-            Datatype::Text,
+            PayloadType::Int32,
+            PayloadType::Int64,
+            PayloadType::Double,
+            PayloadType::Boolean,
+            PayloadType::Text,
         ];
         assert_eq!(types.map(|it| it as u32), [3, 4, 10, 11, 12]);
         assert_eq!(
-            [Quality::Good, Quality::Stale].map(|it| it as u32),
+            [PayloadQuality::Good, PayloadQuality::Stale].map(|it| it as u32),
             [192, 500]
         );
     }
@@ -265,7 +265,7 @@ mod tests {
         let bytes = [
             0x22, 1, b'u', 0x2A, 2, 1, 2, 0x12, 6, 0x0A, 1, b'a', 0x8A, 0x01, 0,
         ];
-        let read = Payload::read(&bytes).unwrap();
+        let read = SparkplugPayload::read(&bytes).unwrap();
         assert_eq!(
             (read.metrics.len(), read.metrics[0].name.as_deref()),
             (1, Some("a"))
@@ -275,9 +275,9 @@ mod tests {
 
     #[test]
     fn what_is_no_payload_is_refused_in_words() {
-        let refused = Payload::read(b"stop").unwrap_err();
+        let refused = SparkplugPayload::read(b"stop").unwrap_err();
         assert!(refused.starts_with("no Sparkplug B payload ("), "{refused}");
-        let long = Payload::read(&vec![0; COMMAND_MAX_BYTES + 1]).unwrap_err();
+        let long = SparkplugPayload::read(&vec![0; COMMAND_MAX_BYTES + 1]).unwrap_err();
         assert!(long.contains(&COMMAND_MAX_BYTES.to_string()), "{long}");
     }
 }

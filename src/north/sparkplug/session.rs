@@ -1,22 +1,22 @@
 //! The Sparkplug session: its life from connection to farewell, and its next act.
 
-use super::device::{Device, millis};
-use super::host::{Host, News};
-use super::node::{self, Node};
-use super::payload::{Metric, Payload};
+use super::device::{SparkplugDevice, millis};
+use super::host::{HostChange, PrimaryHost};
+use super::node::{self, EdgeNode};
+use super::payload::{PayloadMetric, SparkplugPayload};
 use super::telling::publication;
-use super::topics::{Inbound, Kind, Topics};
-use super::types::{Act, Counters, Settings};
+use super::topics::{MessageKind, SparkplugInbound, SparkplugTopics};
+use super::types::{Settings, SparkplugAct, SparkplugCounters};
 use crate::domain::ids::{AskerId, Name, Ticket};
 use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
 use crate::north::broker::{
-    Broker, Commands, Event, Issued, LineState, Message, Oversized, OversizedTopics, Path,
-    Publication, Qos, Returned,
+    BrokerCommands, BrokerEvent, BrokerLimits, BrokerMessage, BrokerPath, ClientClocks,
+    OversizedPublication, OversizedTopics, Publication, Qos, ReturnedProbe, SessionLine,
 };
-use crate::north::clock::{Clock, Moment};
+use crate::north::clock::{ClockMoment, LabelClock};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -24,23 +24,23 @@ use std::time::Duration;
 const BETWEEN_REBIRTHS: Duration = Duration::from_secs(1);
 
 /// The gateway as an edge node of Sparkplug B, each drive a device, as a machine without a socket or a clock. Its owner
-/// moves things between it, the broker and the lines as with [`mqtt::Session`](crate::north::mqtt::Session).
+/// moves things between it, the broker and the lines as with [`mqtt::Session`](crate::north::mqtt::MqttSession).
 ///
 /// Each connection has a number, `bdSeq`, that is passed to [`connecting`](Self::connecting) before
 /// [`will`](Self::will) is called.
 #[derive(Debug)]
-pub struct Session {
+pub struct SparkplugSession {
     pub(super) settings: Settings,
-    pub(super) topics: Topics,
+    pub(super) topics: SparkplugTopics,
     pub(super) drives: Vec<DriveDescription>,
     lines: usize,
-    pub(super) devices: Vec<Device>,
-    pub(super) node: Node,
-    pub(super) clock: Clock,
-    pub(super) issued: Issued,
-    pub(super) path: Path,
-    pub(super) host: Host,
-    pub(super) broker: Broker,
+    pub(super) devices: Vec<SparkplugDevice>,
+    pub(super) node: EdgeNode,
+    pub(super) clock: LabelClock,
+    pub(super) issued: ClientClocks,
+    pub(super) path: BrokerPath,
+    pub(super) host: PrimaryHost,
+    pub(super) broker: BrokerLimits,
     /// What is larger than it takes.
     pub(super) oversized: OversizedTopics,
     pub(super) bdseq: u8,
@@ -61,11 +61,11 @@ pub struct Session {
     leaving: Option<&'static str>,
     /// The device that is checked next.
     pub(super) place: usize,
-    pub(super) commands: Commands<()>,
-    pub(super) counters: Counters,
+    pub(super) commands: BrokerCommands<()>,
+    pub(super) counters: SparkplugCounters,
 }
 
-impl Session {
+impl SparkplugSession {
     /// The session of a gateway with these drives and lines, started now. `probe_key` is random, and used by this
     /// session only: without it no peer can forge a probe.
     #[must_use]
@@ -73,19 +73,19 @@ impl Session {
         settings: Settings,
         drives: Vec<DriveDescription>,
         lines: &[Name],
-        started: Moment,
+        started: ClockMoment,
         probe_key: u128,
     ) -> Self {
         let mut session = Self {
-            topics: Topics::new(&settings),
+            topics: SparkplugTopics::new(&settings),
             devices: devices_of(&settings, &drives, lines.len()),
             lines: lines.len(),
-            node: Node::default(),
-            clock: Clock::new(started),
-            issued: Issued::default(),
-            path: Path::new(probe_key, settings.probe_interval, settings.probe_timeout),
-            host: Host::new(settings.primary_host.is_some()),
-            broker: Broker::default(),
+            node: EdgeNode::default(),
+            clock: LabelClock::new(started),
+            issued: ClientClocks::default(),
+            path: BrokerPath::new(probe_key, settings.probe_interval, settings.probe_timeout),
+            host: PrimaryHost::new(settings.primary_host.is_some()),
+            broker: BrokerLimits::default(),
             oversized: OversizedTopics::default(),
             bdseq: 0,
             seq: 0,
@@ -98,8 +98,8 @@ impl Session {
             is_connected: false,
             leaving: None,
             place: 0,
-            commands: Commands::new(AskerId::SPARKPLUG),
-            counters: Counters::default(),
+            commands: BrokerCommands::new(AskerId::SPARKPLUG),
+            counters: SparkplugCounters::default(),
             drives,
             settings,
         };
@@ -121,33 +121,33 @@ impl Session {
     #[must_use]
     pub fn will(&self) -> Publication {
         // Written before the connection, so its timestamp would be wrong.
-        let metric = Metric {
+        let metric = PayloadMetric {
             timestamp: None,
             ..node::bdseq(self.bdseq, 0)
         };
-        self.death(Payload {
+        self.death(SparkplugPayload {
             timestamp: None,
             metrics: vec![metric],
             seq: None,
         })
     }
 
-    fn death(&self, payload: Payload) -> Publication {
+    fn death(&self, payload: SparkplugPayload) -> Publication {
         let qos = Qos::AtLeastOnce;
         Publication {
             qos,
-            ..publication(self.topics.node(Kind::Death), payload.bytes())
+            ..publication(self.topics.node(MessageKind::Death), payload.bytes())
         }
     }
 
     /// Takes what happened on the connection.
-    pub fn handle(&mut self, at: Moment, event: Event<'_>) {
+    pub fn handle(&mut self, at: ClockMoment, event: BrokerEvent<'_>) {
         self.clock.see(at);
-        if !matches!(event, Event::Stalled(_)) {
+        if !matches!(event, BrokerEvent::Stalled(_)) {
             self.path.look(at.mono);
         }
         match event {
-            Event::Connected(broker) => {
+            BrokerEvent::Connected(broker) => {
                 self.lost(at.mono);
                 self.broker = broker;
                 self.oversized.forget();
@@ -155,40 +155,43 @@ impl Session {
                 self.path.connected();
                 self.is_connected = true;
             }
-            Event::Subscribed(granted) => {
+            BrokerEvent::Subscribed(granted) => {
                 let is_granted =
                     granted.len() == self.topics.filters().len() && granted.iter().all(|it| *it);
                 self.path.subscribed(at.mono, is_granted);
             }
-            Event::Message(message) => self.message(at, &message),
+            BrokerEvent::Message(message) => self.message(at, &message),
             // Every message but a stop has to state its age itself.
-            Event::Stalled(stood) => self.path.stalled(at.mono, stood),
-            Event::Lost => self.lost(at.mono),
+            BrokerEvent::Stalled(stood) => self.path.stalled(at.mono, stood),
+            BrokerEvent::Lost => self.lost(at.mono),
             // Only the last words are sent in a way that is acknowledged.
-            Event::Acknowledged(_) | Event::Refused(..) => {}
+            BrokerEvent::Acknowledged(_) | BrokerEvent::Refused(..) => {}
         }
     }
 
-    fn message(&mut self, at: Moment, message: &Message<'_>) {
+    fn message(&mut self, at: ClockMoment, message: &BrokerMessage<'_>) {
         match self.topics.parse(message.topic) {
-            Some(Inbound::Probe) => return self.probe(at, message),
-            Some(Inbound::State) => self.state(message),
-            Some(Inbound::NodeCommand) => self.node_command(at, message),
-            Some(Inbound::DeviceCommand(device)) => self.device_command(at, device, message),
+            Some(SparkplugInbound::Probe) => return self.probe(at, message),
+            Some(SparkplugInbound::State) => self.state(message),
+            Some(SparkplugInbound::NodeCommand) => self.node_command(at, message),
+            Some(SparkplugInbound::DeviceCommand(device)) => {
+                self.device_command(at, device, message)
+            }
             None => self.counters.ignored += 1,
         }
         self.counters.messages_in += 1;
     }
 
-    fn state(&mut self, message: &Message<'_>) {
-        if self.host.take(message.payload) == News::Offline && self.is_known {
+    fn state(&mut self, message: &BrokerMessage<'_>) {
+        if self.host.take(message.payload) == HostChange::Offline && self.is_known {
             self.counters.host_losses += 1;
             self.leaving = Some("the primary host is offline");
         }
     }
 
-    fn probe(&mut self, at: Moment, message: &Message<'_>) {
-        if message.retain || self.path.returned(at.mono, message.payload) == Returned::Foreign {
+    fn probe(&mut self, at: ClockMoment, message: &BrokerMessage<'_>) {
+        if message.retain || self.path.returned(at.mono, message.payload) == ReturnedProbe::Foreign
+        {
             return;
         }
         let proven = self.path.settled();
@@ -215,7 +218,7 @@ impl Session {
         self.is_known = false;
         self.rebirth_at = None;
         self.leaving = None;
-        self.devices.iter_mut().for_each(Device::lost);
+        self.devices.iter_mut().for_each(SparkplugDevice::lost);
         self.commands.path_lost();
         self.count_history();
     }
@@ -243,7 +246,7 @@ impl Session {
 
     /// Takes the present roles of the gateway on its lines. Among several gateways the edge node is the one that is active
     /// on the first line that they share; the drives of other lines are its devices where it is active.
-    fn see_roles(&mut self, lines: &[LineState]) {
+    fn see_roles(&mut self, lines: &[SessionLine]) {
         if !self.settings.standby {
             return;
         }
@@ -271,7 +274,7 @@ impl Session {
     }
 
     /// Advances to the present.
-    pub fn tick(&mut self, at: Moment) {
+    pub fn tick(&mut self, at: ClockMoment) {
         self.clock.see(at);
         self.check_path(at.mono);
         self.drop_overdue(at.mono);
@@ -299,7 +302,7 @@ impl Session {
             .devices
             .iter()
             .filter(|device| device.is_born || !self.is_born && self.keeps());
-        let devices = looked_at.filter_map(Device::wake).min();
+        let devices = looked_at.filter_map(SparkplugDevice::wake).min();
         let rebirth = if may_tell { self.rebirth_at } else { None };
         [path, rebirth, self.commands.wake(), devices]
             .into_iter()
@@ -318,22 +321,22 @@ impl Session {
     }
 
     /// The next item for the lines, and after them attempts to be kept. It needs no room on the connection.
-    pub fn next_inward(&mut self) -> Option<Act> {
-        let to_line = self.commands.next_to_line().map(Act::ToLine);
+    pub fn next_inward(&mut self) -> Option<SparkplugAct> {
+        let to_line = self.commands.next_to_line().map(SparkplugAct::ToLine);
         to_line.or_else(|| {
             self.commands
                 .next_attempt()
-                .map(|(drive, attempt)| Act::Keep(drive, attempt))
+                .map(|(drive, attempt)| SparkplugAct::Keep(drive, attempt))
         })
     }
 
     /// The next act. `views` are in the order of the drives, `lines` in the order of the lines.
     pub fn next_act(
         &mut self,
-        at: Moment,
+        at: ClockMoment,
         views: &[Arc<DriveView>],
-        lines: &[LineState],
-    ) -> Option<Act> {
+        lines: &[SessionLine],
+    ) -> Option<SparkplugAct> {
         if let Some(act) = self.next_inward() {
             return Some(act);
         }
@@ -341,17 +344,17 @@ impl Session {
         self.see_roles(lines);
         if !self.is_mine {
             return std::mem::take(&mut self.is_connected)
-                .then_some(Act::Leave("on standby: another gateway is active"));
+                .then_some(SparkplugAct::Leave("on standby: another gateway is active"));
         }
         self.check_path(at.mono);
         if let Some(reason) = self.path.take_reconnect() {
-            return Some(Act::Reconnect(reason));
+            return Some(SparkplugAct::Reconnect(reason));
         }
         if self.path.take_subscription(at.mono) {
-            return Some(Act::Subscribe(self.topics.filters()));
+            return Some(SparkplugAct::Subscribe(self.topics.filters()));
         }
         if let Some(reason) = self.leaving.take() {
-            return Some(Act::Leave(reason));
+            return Some(SparkplugAct::Leave(reason));
         }
         let act = self.next_publication(at.mono, views, lines);
         self.count_history();
@@ -360,11 +363,11 @@ impl Session {
 
     /// What is still to be published on an orderly end: with MQTT 3.1.1 a will is published only for clients that
     /// vanish.
-    pub fn farewell(&mut self, at: Moment) -> Vec<Publication> {
+    pub fn farewell(&mut self, at: ClockMoment) -> Vec<Publication> {
         self.clock.see(at);
         let at_ms = millis(self.clock, at.mono);
         let metrics = vec![node::bdseq(self.bdseq, at_ms)];
-        vec![self.death(Payload {
+        vec![self.death(SparkplugPayload {
             timestamp: Some(at_ms),
             metrics,
             seq: None,
@@ -374,7 +377,7 @@ impl Session {
     /// Whether a host can command: all is born, the primary host is online if one is configured, and the path through
     /// the broker was proven recently.
     #[must_use]
-    pub fn is_path_alive(&self, at: Moment) -> bool {
+    pub fn is_path_alive(&self, at: ClockMoment) -> bool {
         self.is_born && self.host.is_there() && self.path.is_alive(at.mono)
     }
 
@@ -389,21 +392,21 @@ impl Session {
 
     /// What is not published because it is larger than the broker takes.
     #[must_use]
-    pub fn oversized(&self) -> &[Oversized] {
+    pub fn oversized(&self) -> &[OversizedPublication] {
         self.oversized.all()
     }
 
     /// A publication larger than the broker takes that was not reported yet; each is returned once.
-    pub fn next_oversized(&mut self) -> Option<Oversized> {
+    pub fn next_oversized(&mut self) -> Option<OversizedPublication> {
         self.oversized.next_untold()
     }
 
     /// The counters so far.
     #[must_use]
-    pub const fn counters(&self) -> Counters {
+    pub const fn counters(&self) -> SparkplugCounters {
         let (attempts_lost, is_left_to_another) = (self.commands.attempts_lost(), !self.is_mine);
         let host_behind_ms = self.host.behind_ms();
-        Counters {
+        SparkplugCounters {
             attempts_lost,
             is_left_to_another,
             host_behind_ms,
@@ -413,13 +416,17 @@ impl Session {
 }
 
 /// One device per drive, with aliases that no two metrics of the edge node share.
-fn devices_of(settings: &Settings, drives: &[DriveDescription], lines: usize) -> Vec<Device> {
+fn devices_of(
+    settings: &Settings,
+    drives: &[DriveDescription],
+    lines: usize,
+) -> Vec<SparkplugDevice> {
     let keep = settings.keep_telemetry.div_ceil(drives.len().max(1));
     let mut alias = node::next_alias(lines);
     drives
         .iter()
         .map(|drive| {
-            let device = Device::new(drive, alias, keep);
+            let device = SparkplugDevice::new(drive, alias, keep);
             alias = device.next_alias();
             device
         })

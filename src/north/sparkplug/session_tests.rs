@@ -1,19 +1,19 @@
 //! Births, data and deaths, by the requirements of the Sparkplug 3.0 specification that each test holds.
 
 use super::harness::*;
-use super::payload::{Datatype, Metric, PropertyScalar, Value};
-use super::types::{Act, Settings};
+use super::payload::{PayloadMetric, PayloadType, PayloadValue, PropertyScalar};
+use super::types::{Settings, SparkplugAct};
 use crate::domain::report::LineState as PortState;
-use crate::drive::snapshot::Presence;
+use crate::drive::snapshot::DrivePresence;
 use crate::drive::view::{RunState, TripRecord};
-use crate::north::broker::{Broker, Event, Message, Qos, ToLine};
+use crate::north::broker::{BrokerEvent, BrokerLimits, BrokerMessage, Qos, ToLine};
 use std::collections::BTreeSet;
 
-fn bdseq(number: u64) -> Option<Value> {
-    Some(Value::Long(number))
+fn bdseq(number: u64) -> Option<PayloadValue> {
+    Some(PayloadValue::Long(number))
 }
 
-fn property(metric: &Metric, key: &str) -> Option<PropertyScalar> {
+fn property(metric: &PayloadMetric, key: &str) -> Option<PropertyScalar> {
     let set = metric.properties.as_ref()?;
     let place = set.keys.iter().position(|it| it == key)?;
     set.values[place].value.clone()
@@ -31,10 +31,13 @@ fn the_will_is_ndeath_with_the_number_of_the_connection_and_nothing_else() {
             (will.topic.as_str(), will.retain, will.qos),
             ("spBv1.0/hall 1/NDEATH/plant", false, Qos::AtLeastOnce)
         );
-        let sent = &sent(&[Act::Publish(will)])[0];
+        let sent = &sent(&[SparkplugAct::Publish(will)])[0];
         assert_eq!((sent.payload.seq, sent.payload.metrics.len()), (None, 1));
         assert_eq!(sent.value("bdSeq"), bdseq(number.into()));
-        assert_eq!(sent.metric("bdSeq").datatype, Some(Datatype::Int64 as u32));
+        assert_eq!(
+            sent.metric("bdSeq").datatype,
+            Some(PayloadType::Int64 as u32)
+        );
     }
 }
 
@@ -43,9 +46,9 @@ fn the_will_is_ndeath_with_the_number_of_the_connection_and_nothing_else() {
 #[test]
 fn commands_and_the_state_of_the_host_are_subscribed_first() {
     let mut rig = Rig::new();
-    rig.handle(Event::Connected(rig.broker));
+    rig.handle(BrokerEvent::Connected(rig.broker));
     let acts = rig.acts();
-    let [Act::Subscribe(filters)] = &acts[..] else {
+    let [SparkplugAct::Subscribe(filters)] = &acts[..] else {
         panic!("{acts:?}")
     };
     let filters: Vec<_> = filters
@@ -58,9 +61,9 @@ fn commands_and_the_state_of_the_host_are_subscribed_first() {
         (PROBE, false),
     ];
     assert_eq!(filters, [&commands[..], &[(STATE, true)]].concat());
-    rig.handle(Event::Subscribed(vec![true, false, true, true]));
+    rig.handle(BrokerEvent::Subscribed(vec![true, false, true, true]));
     assert!(
-        matches!(rig.acts()[..], [Act::Reconnect(_)]),
+        matches!(rig.acts()[..], [SparkplugAct::Reconnect(_)]),
         "one is not granted"
     );
 }
@@ -76,7 +79,7 @@ fn nothing_is_published_before_the_primary_host_is_there_and_nbirth_comes_first(
     assert_eq!(rig.pass(60_000), [], "not even a probe");
     let other = message("spBv1.0/STATE/other", br#"{"online":true,"timestamp":9}"#);
     assert_eq!(
-        rig.deliver(&Message {
+        rig.deliver(&BrokerMessage {
             retain: true,
             ..other
         }),
@@ -129,12 +132,12 @@ fn nbirth_carries_the_number_of_the_will_and_what_asks_for_births() {
     let rebirth = birth.metric("Node Control/Rebirth");
     assert_eq!(
         (rebirth.alias, rebirth.datatype),
-        (None, Some(Datatype::Boolean as u32))
+        (None, Some(PayloadType::Boolean as u32))
     );
-    assert_eq!(rebirth.value, Some(Value::Boolean(false)));
+    assert_eq!(rebirth.value, Some(PayloadValue::Boolean(false)));
     assert_eq!(
         birth.value("line/hall/status"),
-        Some(Value::Text("up".into()))
+        Some(PayloadValue::Text("up".into()))
     );
 }
 
@@ -188,7 +191,10 @@ fn a_birth_says_of_each_metric_its_name_alias_type_and_moment_and_all_are_unique
         }
     }
     let pump = &births[1];
-    assert_eq!(pump.value("frequency/output"), Some(Value::Double(30.0)));
+    assert_eq!(
+        pump.value("frequency/output"),
+        Some(PayloadValue::Double(30.0))
+    );
     assert_eq!(
         property(pump.metric("frequency/output"), "engUnit"),
         Some(PropertyScalar::Text("Hz".into()))
@@ -202,9 +208,15 @@ fn a_birth_says_of_each_metric_its_name_alias_type_and_moment_and_all_are_unique
         Some(PropertyScalar::Boolean(false))
     );
     assert!(property(pump.metric("frequency/set"), "engHigh").is_some());
-    assert_eq!(pump.value("run/state"), Some(Value::Text("stopped".into())));
-    assert_eq!(pump.value("trip/active"), Some(Value::Boolean(false)));
-    assert_eq!(pump.value("trip/count"), Some(Value::Int(2)));
+    assert_eq!(
+        pump.value("run/state"),
+        Some(PayloadValue::Text("stopped".into()))
+    );
+    assert_eq!(
+        pump.value("trip/active"),
+        Some(PayloadValue::Boolean(false))
+    );
+    assert_eq!(pump.value("trip/count"), Some(PayloadValue::Int(2)));
     assert!(
         births[2]
             .payload
@@ -230,7 +242,10 @@ fn numbers_run_over_all_messages_of_the_node_and_begin_again_behind_255() {
             expected = (expected + 1) % 256;
         }
     }
-    rig.node_command(vec![metric("Node Control/Rebirth", Value::Boolean(true))]);
+    rig.node_command(vec![metric(
+        "Node Control/Rebirth",
+        PayloadValue::Boolean(true),
+    )]);
     let acts = rig.pass(1_000);
     let seqs: Vec<_> = sent(&acts).iter().map(|sent| sent.payload.seq).collect();
     assert!(
@@ -267,17 +282,17 @@ fn data_is_what_has_changed_by_its_alias_alone() {
     );
     let metric = &data[0].payload.metrics[0];
     assert_eq!((metric.alias, &metric.name), (alias, &None));
-    assert_eq!(metric.datatype, Some(Datatype::Double as u32));
+    assert_eq!(metric.datatype, Some(PayloadType::Double as u32));
     assert_eq!(
         (&metric.value, metric.timestamp),
-        (&Some(Value::Double(31.0)), Some(rig.unix_ms()))
+        (&Some(PayloadValue::Double(31.0)), Some(rig.unix_ms()))
     );
     assert_eq!((metric.is_historical, &metric.properties), (None, &None));
     rig.lines[0].report.state = PortState::Down;
     let data = sent(&rig.acts());
     assert_eq!(data[0].kind, "NDATA");
     assert!(
-        matches!(&data[0].payload.metrics[0].value, Some(Value::Text(text)) if text.starts_with("down: "))
+        matches!(&data[0].payload.metrics[0].value, Some(PayloadValue::Text(text)) if text.starts_with("down: "))
     );
 }
 
@@ -301,10 +316,14 @@ fn measured_values_are_gathered_for_a_moment_and_a_trip_is_not() {
         .collect();
     assert_eq!(values.len(), 2, "{values:?}");
     assert!(
-        values.contains(&Value::Boolean(true)) && values.contains(&Value::Text("tripped".into()))
+        values.contains(&PayloadValue::Boolean(true))
+            && values.contains(&PayloadValue::Text("tripped".into()))
     );
     let later = sent(&rig.pass(250));
-    assert_eq!(later[0].payload.metrics[0].value, Some(Value::Double(50.0)));
+    assert_eq!(
+        later[0].payload.metrics[0].value,
+        Some(PayloadValue::Double(50.0))
+    );
 }
 
 /// tck-id-payloads-propertyset-quality-value-type, -value-value.
@@ -337,7 +356,7 @@ fn a_value_that_grows_stale_is_null_and_marked_until_it_is_read_again() {
 #[test]
 fn a_drive_that_is_lost_dies_and_is_born_again_when_it_answers() {
     let mut rig = Rig::born();
-    rig.views[0].snapshot.presence = Presence::Offline;
+    rig.views[0].snapshot.presence = DrivePresence::Offline;
     let death = &sent(&rig.acts())[0];
     assert_eq!(
         (
@@ -368,7 +387,7 @@ fn a_host_that_asks_for_births_gets_all_of_them_with_the_same_number_but_not_mor
     let mut rig = Rig::born();
     rig.pass(5_000);
     rig.poll(0, 3_000);
-    let ask = || vec![metric("Node Control/Rebirth", Value::Boolean(true))];
+    let ask = || vec![metric("Node Control/Rebirth", PayloadValue::Boolean(true))];
     let acts = rig.node_command(ask());
     let births = sent(&acts);
     assert_eq!(
@@ -395,15 +414,18 @@ fn a_host_that_asks_for_births_gets_all_of_them_with_the_same_number_but_not_mor
         ),
         (3, 2)
     );
-    rig.node_command(vec![metric("Node Control/Rebirth", Value::Boolean(false))]);
-    let again = metric("Node Control/Rebirth", Value::Boolean(true));
-    let payload = super::payload::Payload {
+    rig.node_command(vec![metric(
+        "Node Control/Rebirth",
+        PayloadValue::Boolean(false),
+    )]);
+    let again = metric("Node Control/Rebirth", PayloadValue::Boolean(true));
+    let payload = super::payload::SparkplugPayload {
         timestamp: None,
         metrics: vec![again],
         seq: None,
     }
     .bytes();
-    rig.deliver(&Message {
+    rig.deliver(&BrokerMessage {
         retain: true,
         ..message("spBv1.0/hall 1/NCMD/plant", &payload)
     });
@@ -419,7 +441,10 @@ fn a_host_that_asks_for_births_gets_all_of_them_with_the_same_number_but_not_mor
 fn from_the_wish_for_births_on_no_data_is_sent_and_none_is_lost() {
     let mut rig = Rig::born();
     rig.pass(300);
-    rig.node_command(vec![metric("Node Control/Rebirth", Value::Boolean(true))]);
+    rig.node_command(vec![metric(
+        "Node Control/Rebirth",
+        PayloadValue::Boolean(true),
+    )]);
     for output in [4_000, 5_000] {
         rig.poll(0, output);
         assert_eq!(
@@ -435,7 +460,7 @@ fn from_the_wish_for_births_on_no_data_is_sent_and_none_is_lost() {
         ("NBIRTH", "DBIRTH pump")
     );
     let output = all[1].metric("frequency/output");
-    assert_eq!(output.value, Some(Value::Double(50.0)));
+    assert_eq!(output.value, Some(PayloadValue::Double(50.0)));
     let past = all[2..]
         .iter()
         .flat_map(|it| &it.payload.metrics)
@@ -444,14 +469,23 @@ fn from_the_wish_for_births_on_no_data_is_sent_and_none_is_lost() {
         .filter(|it| it.alias == output.alias)
         .map(|it| it.value.clone())
         .collect();
-    assert_eq!(past, [Some(Value::Double(40.0)), Some(Value::Double(50.0))]);
+    assert_eq!(
+        past,
+        [
+            Some(PayloadValue::Double(40.0)),
+            Some(PayloadValue::Double(50.0))
+        ]
+    );
 }
 
 #[test]
 fn births_that_wait_for_a_host_that_is_gone_wake_nobody() {
     let mut rig = Rig::born();
-    rig.node_command(vec![metric("Node Control/Rebirth", Value::Boolean(true))]);
-    assert!(matches!(rig.host(false, 1)[..], [Act::Leave(_)]));
+    rig.node_command(vec![metric(
+        "Node Control/Rebirth",
+        PayloadValue::Boolean(true),
+    )]);
+    assert!(matches!(rig.host(false, 1)[..], [SparkplugAct::Leave(_)]));
     for _ in 0..20 {
         rig.pass(1_000);
         assert!(
@@ -498,12 +532,12 @@ fn a_primary_host_that_goes_offline_is_left_with_ndeath_and_the_connection_is_ma
     let mut rig = Rig::born();
     assert_eq!(rig.host(false, 0), [], "older than its birth");
     let acts = rig.host(false, 1);
-    assert!(matches!(acts[..], [Act::Leave(_)]), "{acts:?}");
+    assert!(matches!(acts[..], [SparkplugAct::Leave(_)]), "{acts:?}");
     let farewell: Vec<_> = rig
         .session
         .farewell(rig.at())
         .into_iter()
-        .map(Act::Publish)
+        .map(SparkplugAct::Publish)
         .collect();
     let death = &sent(&farewell)[0];
     assert_eq!(
@@ -511,7 +545,7 @@ fn a_primary_host_that_goes_offline_is_left_with_ndeath_and_the_connection_is_ma
         ("NDEATH", bdseq(0), None)
     );
     assert_eq!(death.publication.qos, Qos::AtLeastOnce);
-    rig.handle(Event::Lost);
+    rig.handle(BrokerEvent::Lost);
     assert!(!rig.session.is_path_alive(rig.at()));
     rig.poll(0, 3_000);
     rig.connect(1);
@@ -530,12 +564,15 @@ fn a_primary_host_that_goes_offline_is_left_with_ndeath_and_the_connection_is_ma
 fn what_happened_while_no_host_was_there_is_reported_as_history() {
     let mut rig = Rig::born();
     rig.pass(500);
-    rig.handle(Event::Lost);
+    rig.handle(BrokerEvent::Lost);
     let mut expected = Vec::new();
     for output in [3_500, 4_000, 4_500] {
         rig.poll(0, output);
         rig.acts();
-        expected.push((rig.unix_ms(), Value::Double(f64::from(output) / 100.0)));
+        expected.push((
+            rig.unix_ms(),
+            PayloadValue::Double(f64::from(output) / 100.0),
+        ));
         rig.pass(300);
     }
     let record = TripRecord {
@@ -556,7 +593,7 @@ fn what_happened_while_no_host_was_there_is_reported_as_history() {
     let all = sent(&rig.host(true, 2));
     let outputs = all[1].metric("frequency/output").alias;
     let total = all[1].metric("trip/total").alias;
-    let is_past = |metric: &&Metric| metric.is_historical == Some(true);
+    let is_past = |metric: &&PayloadMetric| metric.is_historical == Some(true);
     let past: Vec<_> = all[2..]
         .iter()
         .flat_map(|it| &it.payload.metrics)
@@ -570,7 +607,7 @@ fn what_happened_while_no_host_was_there_is_reported_as_history() {
     assert_eq!(told, expected);
     assert!(
         past.iter()
-            .any(|it| it.alias == total && it.value == Some(Value::Long(1))),
+            .any(|it| it.alias == total && it.value == Some(PayloadValue::Long(1))),
         "{past:?}"
     );
     assert!(all[..2].iter().all(|it| {
@@ -589,7 +626,7 @@ fn history_comes_in_messages_as_large_as_the_broker_takes() {
     const TRIPS: u32 = 40;
     let mut rig = Rig::born();
     rig.pass(500);
-    rig.handle(Event::Lost);
+    rig.handle(BrokerEvent::Lost);
     for total in 1..=TRIPS {
         let record = TripRecord {
             at: rig.at().mono,
@@ -602,7 +639,7 @@ fn history_comes_in_messages_as_large_as_the_broker_takes() {
         rig.acts();
         rig.pass(100);
     }
-    rig.broker = Broker {
+    rig.broker = BrokerLimits {
         maximum_packet_bytes: Some(PACKET_BYTES),
         retains: true,
     };
@@ -636,12 +673,13 @@ fn what_a_dying_broker_may_not_have_passed_on_is_reported_again() {
     rig.poll(0, 4_100);
     let data = sent(&rig.pass(500));
     assert!(data.iter().any(|it| it.kind == "DDATA pump"));
-    rig.handle(Event::Lost);
+    rig.handle(BrokerEvent::Lost);
     rig.is_deaf = false;
     rig.connect(1);
     let all = sent(&rig.host(true, 2));
-    let is_past =
-        |it: &&Metric| it.is_historical == Some(true) && it.value == Some(Value::Double(41.0));
+    let is_past = |it: &&PayloadMetric| {
+        it.is_historical == Some(true) && it.value == Some(PayloadValue::Double(41.0))
+    };
     assert_eq!(
         all.iter()
             .flat_map(|it| &it.payload.metrics)
@@ -650,7 +688,7 @@ fn what_a_dying_broker_may_not_have_passed_on_is_reported_again() {
         1
     );
     rig.pass(2_000);
-    rig.handle(Event::Lost);
+    rig.handle(BrokerEvent::Lost);
     rig.connect(2);
     let all = sent(&rig.host(true, 3));
     assert!(
@@ -664,32 +702,35 @@ fn what_a_dying_broker_may_not_have_passed_on_is_reported_again() {
 #[test]
 fn a_probe_that_does_not_come_back_ends_the_connection_and_heartbeats_come_with_probes_alone() {
     let mut rig = Rig::born();
-    let alive = |acts: &[Act]| {
+    let alive = |acts: &[SparkplugAct]| {
         acts.iter()
-            .filter(|act| **act == Act::ToLine(ToLine::PathAlive))
+            .filter(|act| **act == SparkplugAct::ToLine(ToLine::PathAlive))
             .count()
     };
     assert!(alive(&rig.pass(5_000)) >= 4);
     rig.is_deaf = true;
     let acts = rig.pass(10_000);
     assert_eq!(alive(&acts), 0);
-    assert!(acts.iter().any(|act| matches!(act, Act::Reconnect(_))));
+    assert!(
+        acts.iter()
+            .any(|act| matches!(act, SparkplugAct::Reconnect(_)))
+    );
     assert!(!rig.session.is_path_alive(rig.at()));
 }
 
 #[test]
 fn a_way_that_is_open_for_moments_only_keeps_no_lease() {
     let mut rig = Rig::born();
-    let alive = |acts: &[Act]| {
+    let alive = |acts: &[SparkplugAct]| {
         acts.iter()
-            .filter(|act| **act == Act::ToLine(ToLine::PathAlive))
+            .filter(|act| **act == SparkplugAct::ToLine(ToLine::PathAlive))
             .count()
     };
     assert!(alive(&rig.pass(10_000)) >= 9);
     let mut number = 0;
     let mut again = |rig: &mut Rig, lives_ms| {
         number += 1;
-        rig.handle(Event::Lost);
+        rig.handle(BrokerEvent::Lost);
         rig.millis += 1_000;
         let mut acts = rig.connect(number);
         acts.extend(rig.host(true, 1 + u64::from(number)));
@@ -707,8 +748,9 @@ fn who_has_read_every_probe_cannot_write_the_next() {
     let mut rig = Rig::born();
     rig.is_deaf = true;
     let acts = rig.pass(2_500);
-    let is_probe = |act: &&Act| matches!(act, Act::Publish(it) if it.topic == PROBE);
-    let Some(Act::Publish(probe)) = acts.iter().find(is_probe) else {
+    let is_probe =
+        |act: &&SparkplugAct| matches!(act, SparkplugAct::Publish(it) if it.topic == PROBE);
+    let Some(SparkplugAct::Publish(probe)) = acts.iter().find(is_probe) else {
         panic!("{acts:?}")
     };
     let text = String::from_utf8(probe.payload.clone()).unwrap();
@@ -720,11 +762,14 @@ fn who_has_read_every_probe_cannot_write_the_next() {
         format!("{}-{next}", rig.at().wall.unix_ms),
     ] {
         let acts = rig.deliver(&message(PROBE, forged.as_bytes()));
-        assert!(!acts.contains(&Act::ToLine(ToLine::PathAlive)), "{forged}");
+        assert!(
+            !acts.contains(&SparkplugAct::ToLine(ToLine::PathAlive)),
+            "{forged}"
+        );
     }
     assert!(
         rig.deliver(&message(PROBE, text.as_bytes()))
-            .contains(&Act::ToLine(ToLine::PathAlive)),
+            .contains(&SparkplugAct::ToLine(ToLine::PathAlive)),
         "its own"
     );
 }
@@ -732,7 +777,7 @@ fn who_has_read_every_probe_cannot_write_the_next() {
 #[test]
 fn what_is_larger_than_the_broker_takes_is_not_sent_and_uses_no_number() {
     let mut rig = Rig::new();
-    rig.broker = Broker {
+    rig.broker = BrokerLimits {
         maximum_packet_bytes: Some(700),
         retains: true,
     };
@@ -768,7 +813,7 @@ fn a_primary_host_that_goes_offline_before_other_drives_are_born_is_left_all_the
     let mut rig = Rig::born();
     rig.session.replace(drives(), &[name("hall")]);
     assert!(
-        matches!(rig.host(false, 1)[..], [Act::Leave(_)]),
+        matches!(rig.host(false, 1)[..], [SparkplugAct::Leave(_)]),
         "it had received the births before"
     );
 }

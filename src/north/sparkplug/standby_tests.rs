@@ -1,10 +1,10 @@
 //! One of several gateways that are the same edge node, one at a time.
 
 use super::harness::*;
-use super::types::{Act, Settings};
+use super::types::{Settings, SparkplugAct};
 use crate::domain::standby::{LineRole, StandbyReport, StandbyTrouble};
 
-fn set(rig: &mut Rig, role: LineRole) -> Vec<Act> {
+fn set(rig: &mut Rig, role: LineRole) -> Vec<SparkplugAct> {
     rig.lines[0].report.standby = Some(StandbyReport {
         role,
         take_overs: 0,
@@ -50,15 +50,15 @@ fn who_gives_the_line_up_dies_and_stays_away() {
     rig.connect(3);
     rig.host(true, 1);
     let acts = set(&mut rig, LineRole::Listening);
-    assert!(matches!(acts[..], [Act::Leave(_)]), "{acts:?}");
+    assert!(matches!(acts[..], [SparkplugAct::Leave(_)]), "{acts:?}");
     let farewell: Vec<_> = rig
         .session
         .farewell(rig.at())
         .into_iter()
-        .map(Act::Publish)
+        .map(SparkplugAct::Publish)
         .collect();
     assert_eq!(kinds(&farewell), ["NDEATH"]);
-    rig.handle(crate::north::broker::Event::Lost);
+    rig.handle(crate::north::broker::BrokerEvent::Lost);
     assert!(!rig.session.wants_connection());
     rig.poll(0, 1_000);
     assert_eq!(rig.pass(10_000), []);
@@ -71,7 +71,7 @@ fn who_gives_the_line_up_dies_and_stays_away() {
 #[test]
 fn a_drive_of_a_line_where_another_is_active_is_no_device() {
     let mut rig = half(LineRole::Active);
-    let other = crate::north::broker::LineState {
+    let other = crate::north::broker::SessionLine {
         name: name("other"),
         ..rig.lines[0].clone()
     };

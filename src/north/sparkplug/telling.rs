@@ -1,26 +1,26 @@
 //! What the session publishes next, and what it keeps for later: births, deaths, data, history, each with its number.
 
-use super::device::{Device, Present, millis};
+use super::device::{DeviceMoment, SparkplugDevice, millis};
 use super::node;
-use super::payload::{Metric, Payload};
-use super::session::Session;
-use super::topics::{DeviceKind, Kind};
-use super::types::Act;
+use super::payload::{PayloadMetric, SparkplugPayload};
+use super::session::SparkplugSession;
+use super::topics::{DeviceKind, MessageKind};
+use super::types::SparkplugAct;
 use crate::domain::time::MonoTime;
 use crate::drive::view::DriveView;
-use crate::north::broker::{LineState, Oversized, Publication, Qos};
+use crate::north::broker::{OversizedPublication, Publication, Qos, SessionLine};
 use std::sync::Arc;
 
 /// Longest packet if the broker names no smaller limit.
 const PACKET_MAX: usize = 256 * 1024;
 
-impl Session {
+impl SparkplugSession {
     pub(super) fn next_publication(
         &mut self,
         at: MonoTime,
         views: &[Arc<DriveView>],
-        lines: &[LineState],
-    ) -> Option<Act> {
+        lines: &[SessionLine],
+    ) -> Option<SparkplugAct> {
         if !self.may_tell() {
             self.record(at, views);
             return None;
@@ -34,7 +34,7 @@ impl Session {
         if let Some(payload) = self.path.take_probe(at) {
             // It must wait wherever a command waits, so it has to be in the same queue of the broker.
             let qos = Qos::AtLeastOnce;
-            return Some(Act::Publish(Publication {
+            return Some(SparkplugAct::Publish(Publication {
                 qos,
                 ..publication(self.topics.probe(), payload)
             }));
@@ -46,7 +46,7 @@ impl Session {
         }
         let changed = self.node.data(millis(self.clock, at), lines);
         if !changed.is_empty() {
-            return self.publish(at, self.topics.node(Kind::Data), changed);
+            return self.publish(at, self.topics.node(MessageKind::Data), changed);
         }
         let data = self.next_of_devices(at, views, |device, now, probes| device.data(now, probes));
         // The last one taken may need as much room again.
@@ -59,7 +59,7 @@ impl Session {
     }
 
     /// NBIRTH, with which everything starts over.
-    fn node_birth(&mut self, at: MonoTime, lines: &[LineState]) -> Act {
+    fn node_birth(&mut self, at: MonoTime, lines: &[SessionLine]) -> SparkplugAct {
         let stops = self
             .drives
             .iter()
@@ -78,16 +78,16 @@ impl Session {
             self.path.probe_from(at);
         }
         self.counters.births += 1;
-        let act = self.publish(at, self.topics.node(Kind::Birth), metrics);
+        let act = self.publish(at, self.topics.node(MessageKind::Birth), metrics);
         self.is_born = act.is_some();
         self.is_known |= self.is_born;
-        act.unwrap_or(Act::Reconnect(
+        act.unwrap_or(SparkplugAct::Reconnect(
             "the broker takes no packet as large as NBIRTH",
         ))
     }
 
     /// The next birth or death of a device.
-    fn next_of_presence(&mut self, at: MonoTime, views: &[Arc<DriveView>]) -> Option<Act> {
+    fn next_of_presence(&mut self, at: MonoTime, views: &[Arc<DriveView>]) -> Option<SparkplugAct> {
         for (place, view) in (0..self.devices.len()).zip(views) {
             let is_online = view.is_online() && self.listens.get(place) != Some(&true);
             let device = &mut self.devices[place];
@@ -100,7 +100,7 @@ impl Session {
                 let topic = self.topics.device(DeviceKind::Death, &drive.name);
                 return self.publish(at, topic, Vec::new());
             }
-            let now = Present {
+            let now = DeviceMoment {
                 at,
                 clock: self.clock,
                 drive,
@@ -125,8 +125,8 @@ impl Session {
         &mut self,
         at: MonoTime,
         views: &[Arc<DriveView>],
-        data: impl Fn(&mut Device, &Present<'_>, u64) -> Vec<Metric>,
-    ) -> Option<Act> {
+        data: impl Fn(&mut SparkplugDevice, &DeviceMoment<'_>, u64) -> Vec<PayloadMetric>,
+    ) -> Option<SparkplugAct> {
         let probes = self.path.sent();
         for _ in 0..self.devices.len() {
             let place = self.place;
@@ -143,7 +143,7 @@ impl Session {
             }
             let metrics = data(
                 device,
-                &Present {
+                &DeviceMoment {
                     at,
                     clock: self.clock,
                     drive,
@@ -169,7 +169,7 @@ impl Session {
     /// Keeps what happens while no host can be reached.
     fn record(&mut self, at: MonoTime, views: &[Arc<DriveView>]) {
         for ((device, drive), view) in self.devices.iter_mut().zip(&self.drives).zip(views) {
-            device.record(&Present {
+            device.record(&DeviceMoment {
                 at,
                 clock: self.clock,
                 drive,
@@ -179,8 +179,13 @@ impl Session {
     }
 
     /// A message with the next number; `None` if the broker accepts none as large, and then no number is used.
-    fn publish(&mut self, at: MonoTime, topic: String, metrics: Vec<Metric>) -> Option<Act> {
-        let payload = Payload {
+    fn publish(
+        &mut self,
+        at: MonoTime,
+        topic: String,
+        metrics: Vec<PayloadMetric>,
+    ) -> Option<SparkplugAct> {
+        let payload = SparkplugPayload {
             timestamp: Some(millis(self.clock, at)),
             metrics,
             seq: Some(self.seq.into()),
@@ -189,7 +194,7 @@ impl Session {
         let (bytes, limit) = (packet_bytes(&publication), self.packet_bytes_max());
         if bytes > limit {
             self.counters.too_large += 1;
-            self.oversized.add(Oversized {
+            self.oversized.add(OversizedPublication {
                 topic: publication.topic,
                 bytes,
                 limit,
@@ -199,7 +204,7 @@ impl Session {
         self.oversized.published(&publication.topic);
         self.seq = self.seq.wrapping_add(1);
         self.counters.messages_out += 1;
-        Some(Act::Publish(publication))
+        Some(SparkplugAct::Publish(publication))
     }
 
     fn packet_bytes_max(&self) -> usize {

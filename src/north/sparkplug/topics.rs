@@ -2,14 +2,14 @@
 
 use super::types::Settings;
 use crate::domain::ids::Name;
-use crate::north::broker::{Filter, Qos};
+use crate::north::broker::{Qos, SubscriptionFilter};
 
 /// The namespace of Sparkplug B, the same in all versions.
 const NAMESPACE: &str = "spBv1.0";
 
 /// What a message's topic is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Inbound<'t> {
+pub(super) enum SparkplugInbound<'t> {
     /// Our own probe.
     Probe,
     /// The state of the primary host.
@@ -22,14 +22,14 @@ pub(super) enum Inbound<'t> {
 
 /// Kinds of messages that an edge node sends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum MessageKind {
     Birth,
     Data,
     Death,
 }
 
-impl Kind {
-    const fn word(self) -> &'static str {
+impl MessageKind {
+    const fn keyword(self) -> &'static str {
         match self {
             Self::Birth => "NBIRTH",
             Self::Data => "NDATA",
@@ -47,7 +47,7 @@ pub(super) enum DeviceKind {
 }
 
 impl DeviceKind {
-    const fn word(self) -> &'static str {
+    const fn keyword(self) -> &'static str {
         match self {
             Self::Birth => "DBIRTH",
             Self::Data => "DDATA",
@@ -58,7 +58,7 @@ impl DeviceKind {
 
 /// All topics of one edge node.
 #[derive(Debug)]
-pub(super) struct Topics {
+pub(super) struct SparkplugTopics {
     group: String,
     node: Name,
     node_command: String,
@@ -68,7 +68,7 @@ pub(super) struct Topics {
     probe: String,
 }
 
-impl Topics {
+impl SparkplugTopics {
     pub(super) fn new(settings: &Settings) -> Self {
         let group = settings.group.clone();
         let node = settings.node.clone();
@@ -85,15 +85,20 @@ impl Topics {
         }
     }
 
-    pub(super) fn node(&self, kind: Kind) -> String {
-        format!("{NAMESPACE}/{}/{}/{}", self.group, kind.word(), self.node)
+    pub(super) fn node(&self, kind: MessageKind) -> String {
+        format!(
+            "{NAMESPACE}/{}/{}/{}",
+            self.group,
+            kind.keyword(),
+            self.node
+        )
     }
 
     pub(super) fn device(&self, kind: DeviceKind, device: &Name) -> String {
         format!(
             "{NAMESPACE}/{}/{}/{}/{device}",
             self.group,
-            kind.word(),
+            kind.keyword(),
             self.node
         )
     }
@@ -103,9 +108,9 @@ impl Topics {
     }
 
     /// What is subscribed. A retained state is valid; a retained command is a replay.
-    pub(super) fn filters(&self) -> Vec<Filter> {
+    pub(super) fn filters(&self) -> Vec<SubscriptionFilter> {
         // The specification asks for quality of service 1 (tck-id-message-flow-edge-node-ncmd-subscribe).
-        let filter = |path, wants_retained| Filter {
+        let filter = |path, wants_retained| SubscriptionFilter {
             path,
             qos: Qos::AtLeastOnce,
             wants_retained,
@@ -120,18 +125,18 @@ impl Topics {
         commands.into_iter().map(live).chain(state).collect()
     }
 
-    pub(super) fn parse<'t>(&self, topic: &'t str) -> Option<Inbound<'t>> {
+    pub(super) fn parse<'t>(&self, topic: &'t str) -> Option<SparkplugInbound<'t>> {
         if topic == self.probe {
-            return Some(Inbound::Probe);
+            return Some(SparkplugInbound::Probe);
         }
         if topic == self.node_command {
-            return Some(Inbound::NodeCommand);
+            return Some(SparkplugInbound::NodeCommand);
         }
         if self.state.as_deref() == Some(topic) {
-            return Some(Inbound::State);
+            return Some(SparkplugInbound::State);
         }
         topic
             .strip_prefix(self.device_commands.as_str())
-            .map(Inbound::DeviceCommand)
+            .map(SparkplugInbound::DeviceCommand)
     }
 }

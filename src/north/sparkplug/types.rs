@@ -2,8 +2,8 @@
 
 use crate::domain::ids::Name;
 use crate::drive::description::DriveRef;
-use crate::journal::Attempt;
-use crate::north::broker::{Filter, Publication, ToLine, Version};
+use crate::journal::WriteAttempt;
+use crate::north::broker::{MqttVersion, Publication, SubscriptionFilter, ToLine};
 use std::time::Duration;
 
 /// Settings of the Sparkplug side.
@@ -18,7 +18,7 @@ pub struct Settings {
     /// The host application without which nothing is born; `None`: no host is waited for.
     pub primary_host: Option<String>,
     /// Protocol version of the connection.
-    pub version: Version,
+    pub version: MqttVersion,
     /// The topic of the probe.
     pub probe_topic: String,
     /// How often the way through the broker is probed.
@@ -35,26 +35,26 @@ pub struct Settings {
 
 /// An act for the owner of the session.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Act {
+pub enum SparkplugAct {
     /// Subscribe to these filters at quality of service 1; they are answered together.
-    Subscribe(Vec<Filter>),
+    Subscribe(Vec<SubscriptionFilter>),
     /// Publish.
     Publish(Publication),
     /// Hand this to the lines.
     ToLine(ToLine),
     /// Keep this attempt to write, which no line saw. `None` for the drive: it is for all, or for one that does not
     /// exist.
-    Keep(Option<DriveRef>, Attempt),
+    Keep(Option<DriveRef>, WriteAttempt),
     /// Drop the connection and make a new one: the broker publishes the will.
     Reconnect(&'static str),
     /// Say farewell, disconnect, and make a new connection.
     Leave(&'static str),
 }
 
-/// Counts of the Sparkplug session since start. All but [`Counters::history_waiting`] and
-/// [`Counters::host_awaited`] only rise; [`Counters::host_behind_ms`] and [`Counters::is_left_to_another`] are states.
+/// Counts of the Sparkplug session since start. All but [`SparkplugCounters::history_waiting`] and
+/// [`SparkplugCounters::host_awaited`] only rise; [`SparkplugCounters::host_behind_ms`] and [`SparkplugCounters::is_left_to_another`] are states.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counters {
+pub struct SparkplugCounters {
     /// Messages received.
     pub messages_in: u64,
     /// Messages handed out to be published, except the probe.

@@ -14,7 +14,7 @@ use std::sync::LazyLock;
 
 /// A catalogue: its language and its text, which is JSON of keys and sentences.
 #[derive(Clone, Copy, Debug)]
-pub struct Catalogue {
+pub struct TextCatalogue {
     /// The code of the language as in ISO 639-1.
     pub language: &'static str,
     /// The sentences.
@@ -22,12 +22,12 @@ pub struct Catalogue {
 }
 
 /// All languages. The page lists them too, in `texts.js`.
-pub const CATALOGUES: [Catalogue; 2] = [
-    Catalogue {
+pub const CATALOGUES: [TextCatalogue; 2] = [
+    TextCatalogue {
         language: "en",
         text: include_str!("en.json"),
     },
-    Catalogue {
+    TextCatalogue {
         language: "de",
         text: include_str!("de.json"),
     },
@@ -35,7 +35,7 @@ pub const CATALOGUES: [Catalogue; 2] = [
 
 /// Part of a catalogue: a browser fetches what it shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Chapter {
+pub enum TextChapter {
     /// What the page itself says.
     Page,
     /// What set-up says.
@@ -71,13 +71,13 @@ const OF_GATEWAY: [&str; 8] = [
     "unknown_reason",
 ];
 
-impl Chapter {
+impl TextChapter {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::Page, Self::Setup, Self::Gateway];
 
     /// The word in file names.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Page => "page",
             Self::Setup => "setup",
@@ -97,7 +97,7 @@ impl Chapter {
     }
 }
 
-impl Catalogue {
+impl TextCatalogue {
     /// All sentences by their keys.
     fn sentences(self) -> BTreeMap<String, String> {
         serde_json::from_str(self.text).unwrap_or_default()
@@ -105,9 +105,9 @@ impl Catalogue {
 
     /// One chapter as JSON.
     #[must_use]
-    pub fn chapter(self, chapter: Chapter) -> String {
+    pub fn chapter(self, chapter: TextChapter) -> String {
         let mut sentences = self.sentences();
-        sentences.retain(|key, _| Chapter::of(key) == chapter);
+        sentences.retain(|key, _| TextChapter::of(key) == chapter);
         json!(sentences).to_string()
     }
 }
@@ -125,12 +125,12 @@ pub fn english(key: &str) -> Option<&'static str> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sentence {
     key: Cow<'static, str>,
-    values: Vec<(&'static str, Part)>,
+    values: Vec<(&'static str, SentencePart)>,
 }
 
 /// A value in a sentence.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Part {
+pub enum SentencePart {
     /// Names, and texts of manuals, which have no translation.
     Text(String),
     /// A whole number.
@@ -153,7 +153,7 @@ impl Sentence {
 
     /// With a value for the place called `{name}`.
     #[must_use]
-    pub fn with(mut self, name: &'static str, value: impl Into<Part>) -> Self {
+    pub fn with(mut self, name: &'static str, value: impl Into<SentencePart>) -> Self {
         self.values.push((name, value.into()));
         self
     }
@@ -170,7 +170,7 @@ impl Sentence {
     }
 }
 
-impl Part {
+impl SentencePart {
     fn document(&self) -> Value {
         match self {
             Self::Text(text) => text.as_str().into(),
@@ -196,7 +196,7 @@ impl fmt::Display for Sentence {
     }
 }
 
-impl fmt::Display for Part {
+impl fmt::Display for SentencePart {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Text(text) => f.write_str(text),
@@ -207,31 +207,31 @@ impl fmt::Display for Part {
     }
 }
 
-impl From<&str> for Part {
+impl From<&str> for SentencePart {
     fn from(text: &str) -> Self {
         Self::Text(text.to_owned())
     }
 }
 
-impl From<String> for Part {
+impl From<String> for SentencePart {
     fn from(text: String) -> Self {
         Self::Text(text)
     }
 }
 
-impl From<u64> for Part {
+impl From<u64> for SentencePart {
     fn from(number: u64) -> Self {
         Self::Integer(number)
     }
 }
 
-impl From<f64> for Part {
+impl From<f64> for SentencePart {
     fn from(number: f64) -> Self {
         Self::Number(number)
     }
 }
 
-impl From<Sentence> for Part {
+impl From<Sentence> for SentencePart {
     fn from(sentence: Sentence) -> Self {
         Self::Sentence(sentence)
     }

@@ -4,7 +4,7 @@ use super::*;
 use crate::domain::command::{Outcome, Owner, Reason, Report};
 use crate::domain::ids::Station;
 use crate::domain::report::LineFault;
-use crate::domain::suspicion::Suspicion;
+use crate::domain::suspicion::LineSuspicion;
 use crate::domain::traffic::HeardFrame;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ type Sentences = BTreeMap<String, String>;
 const BY_LANGUAGE: [&str; 2] = ["word.", "role."];
 const PLURALS: [&str; 6] = [".zero", ".one", ".two", ".few", ".many", ".other"];
 
-fn sentences(catalogue: Catalogue) -> Sentences {
+fn sentences(catalogue: TextCatalogue) -> Sentences {
     serde_json::from_str(catalogue.text)
         .unwrap_or_else(|error| panic!("{}: {error}", catalogue.language))
 }
@@ -95,36 +95,36 @@ fn a_sentence_with_plurals_has_one_for_all_other_numbers() {
 fn reasons_suspicions_and_faults_read_as_in_the_log() {
     for reason in Reason::ALL {
         assert_eq!(
-            english(&format!("reason.{}", reason.word())),
+            english(&format!("reason.{}", reason.keyword())),
             Some(reason.text())
         );
     }
     for fault in LineFault::ALL {
         assert_eq!(
-            english(&format!("fault.{}", fault.word())),
+            english(&format!("fault.{}", fault.keyword())),
             Some(&*fault.to_string())
         );
     }
     let station = Station(7);
     let suspicions = [
-        Suspicion::NothingHeard,
-        Suspicion::ServerSilent,
-        Suspicion::DrivesAreFaster,
-        Suspicion::DrivesAreSlower,
-        Suspicion::AlwaysDamaged,
-        Suspicion::OneSilent(station),
-        Suspicion::OneUnitSilent(station),
-        Suspicion::NotModbusTcp,
-        Suspicion::WrongReplies {
+        LineSuspicion::NothingHeard,
+        LineSuspicion::ServerSilent,
+        LineSuspicion::DrivesAreFaster,
+        LineSuspicion::DrivesAreSlower,
+        LineSuspicion::AlwaysDamaged,
+        LineSuspicion::OneSilent(station),
+        LineSuspicion::OneUnitSilent(station),
+        LineSuspicion::NotModbusTcp,
+        LineSuspicion::WrongReplies {
             station,
             request: HeardFrame::of(&[7, 3, 0]),
             reply: HeardFrame::of(&[7, 4]),
         },
-        Suspicion::DuplicateStation(station),
-        Suspicion::LateBeyondLimit(station),
-        Suspicion::OtherMaster,
-        Suspicion::Echo,
-        Suspicion::Jam,
+        LineSuspicion::DuplicateStation(station),
+        LineSuspicion::LateBeyondLimit(station),
+        LineSuspicion::OtherMaster,
+        LineSuspicion::Echo,
+        LineSuspicion::Jam,
     ];
     for suspicion in suspicions {
         assert_eq!(
@@ -293,7 +293,7 @@ fn the_page_lists_the_same_languages() {
 #[test]
 fn chapters_are_whole_and_share_no_sentence() {
     for catalogue in CATALOGUES {
-        let chapters = Chapter::ALL
+        let chapters = TextChapter::ALL
             .map(|chapter| serde_json::from_str::<Sentences>(&catalogue.chapter(chapter)).unwrap());
         assert!(
             chapters.iter().all(|chapter| chapter.len() > 50),

@@ -3,8 +3,8 @@
 use crate::domain::address::Address;
 use crate::domain::ids::{Name, Station};
 use crate::domain::link::Framing;
-use crate::domain::traffic::{TrafficKind, Why};
-use crate::drive::description::Ratings;
+use crate::domain::traffic::{FramePurpose, TrafficKind};
+use crate::drive::description::DriveRatings;
 use crate::profile::model::Model;
 use std::sync::Arc;
 use std::time::Duration;
@@ -28,16 +28,16 @@ pub struct KnownDrive {
     /// Its model.
     pub model: Arc<Model>,
     /// Its rated values, if the model reports in per cent of them.
-    pub ratings: Ratings,
+    pub ratings: DriveRatings,
 }
 
 /// One piece of traffic in words.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Frame {
+pub struct TrafficFrame {
     /// Its kind.
     pub kind: TrafficKind,
     /// Why we sent it; `None` for what was received.
-    pub why: Option<Why>,
+    pub why: Option<FramePurpose>,
     /// The silence before it; `None` before the first one that is seen.
     pub gap: Option<Duration>,
     /// How long it took on the wire, as far as known.
@@ -89,5 +89,5 @@ impl FrameText {
 pub(super) struct OpenRequest {
     pub(super) station: u8,
     pub(super) pdu: Vec<u8>,
-    pub(super) why: Option<Why>,
+    pub(super) why: Option<FramePurpose>,
 }

@@ -1,18 +1,18 @@
 //! A frame as a JSON document.
 
-use super::{Frame, FrameValue};
+use super::{FrameValue, TrafficFrame};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::time::Duration;
 
-impl Frame {
+impl TrafficFrame {
     /// The frame with its `bytes`, sent or received `at`, RFC 3339 in UTC.
     #[must_use]
     pub fn json(&self, at: &str, bytes: &[u8]) -> Value {
         json!({
             "at": at,
-            "kind": self.kind.word(),
-            "why": self.why.map(|why| why.word()),
+            "kind": self.kind.keyword(),
+            "why": self.why.map(|why| why.keyword()),
             "bytes": hex(bytes),
             "gap_ms": self.gap.map(millis),
             "on_wire_ms": millis(self.on_wire),

@@ -1,7 +1,7 @@
 //! The traffic on a line in words: each frame with its station, its registers by the model's names, values in their
 //! units.
 //!
-//! A reply says little without its request, so a [`Decoder`] sees the frames of one line in order. It keeps only the
+//! A reply says little without its request, so a [`TrafficDecoder`] sees the frames of one line in order. It keeps only the
 //! last request.
 
 mod frame;
@@ -16,20 +16,20 @@ mod tests;
 
 use crate::domain::ids::Station;
 use crate::domain::time::MonoTime;
-use crate::domain::traffic::{TrafficKind, TrafficRecord, Why};
+use crate::domain::traffic::{FramePurpose, TrafficKind, TrafficRecord};
 use crate::wire::framing;
-pub use frame::{Frame, FrameValue, KnownDrive, LineFacts};
 use frame::{FrameText, OpenRequest};
+pub use frame::{FrameValue, KnownDrive, LineFacts, TrafficFrame};
 
 /// Decodes the frames of one line, in order.
 #[derive(Debug)]
-pub struct Decoder {
+pub struct TrafficDecoder {
     facts: LineFacts,
     asked: Option<OpenRequest>,
     last_end: Option<MonoTime>,
 }
 
-impl Decoder {
+impl TrafficDecoder {
     /// A decoder that has seen nothing yet.
     #[must_use]
     pub const fn new(facts: LineFacts) -> Self {
@@ -47,7 +47,7 @@ impl Decoder {
     }
 
     /// The next frame in words.
-    pub fn decode(&mut self, record: &TrafficRecord) -> Frame {
+    pub fn decode(&mut self, record: &TrafficRecord) -> TrafficFrame {
         let gap = self.last_end.map(|end| record.begin.since(end));
         self.last_end = Some(self.last_end.map_or(record.end, |end| end.max(record.end)));
         let whole = match record.kind {
@@ -66,7 +66,7 @@ impl Decoder {
                 self.asked.as_ref(),
             )),
         };
-        let frame = Frame {
+        let frame = TrafficFrame {
             kind: record.kind,
             why: record.why,
             gap,
@@ -153,12 +153,12 @@ impl Decoder {
     }
 }
 
-const fn prefix(is_for_all: bool, why: Option<Why>) -> &'static str {
+const fn prefix(is_for_all: bool, why: Option<FramePurpose>) -> &'static str {
     match why {
         _ if is_for_all => "to all: ",
-        Some(Why::Barrier) => "barrier: ",
-        Some(Why::Trial) => "trial of a barrier: ",
-        Some(Why::Probe) => "looking for an echo: ",
+        Some(FramePurpose::Barrier) => "barrier: ",
+        Some(FramePurpose::Trial) => "trial of a barrier: ",
+        Some(FramePurpose::Probe) => "looking for an echo: ",
         _ => "",
     }
 }

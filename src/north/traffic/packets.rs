@@ -1,6 +1,6 @@
 //! From a frame as the gateway reports it to a packet that network analysers understand.
 
-use super::pcapng::{self, Direction, Header, Packet};
+use super::pcapng::{self, CaptureHeader, CapturePacket, PacketDirection};
 use crate::domain::calendar;
 use crate::domain::link::Framing;
 use crate::toml_file::words::SHOWN_FRAMINGS;
@@ -21,7 +21,7 @@ pub struct PacketFrame {
     /// Microseconds since 1970-01-01 UTC.
     pub unix_us: u64,
     /// Its direction.
-    pub direction: Direction,
+    pub direction: PacketDirection,
     /// Whether it is a request to a drive.
     pub is_for_a_drive: bool,
     /// The name of its dissector.
@@ -45,9 +45,9 @@ impl PacketFrame {
             (_, Framing::Mbap) => MODBUS_TCP,
         };
         let direction = if kind == "request" {
-            Direction::Out
+            PacketDirection::Out
         } else {
-            Direction::In
+            PacketDirection::In
         };
         let unix_us = unix_us(frame["at"].as_str()?)?;
         let is_for_a_drive = is_for_a_drive(kind);
@@ -63,7 +63,7 @@ impl PacketFrame {
 
     /// As a packet, with `dropped` packets lost before it.
     #[must_use]
-    pub fn packet(&self, dropped: u64) -> Packet<'_> {
+    pub fn packet(&self, dropped: u64) -> CapturePacket<'_> {
         let Self {
             unix_us,
             direction,
@@ -75,7 +75,7 @@ impl PacketFrame {
         let unix_us = *unix_us;
         let direction = *direction;
         let is_for_a_drive = *is_for_a_drive;
-        Packet {
+        CapturePacket {
             unix_us,
             direction,
             is_for_a_drive,
@@ -116,7 +116,7 @@ pub fn beginning_of(line: &Value, host: (&str, &str)) -> Vec<u8> {
     let description = [format!("{}, {link}{}", word("port"), word("framing"))]
         .into_iter()
         .chain(drives);
-    pcapng::beginning(&Header {
+    pcapng::beginning(&CaptureHeader {
         hardware: host.0,
         os: host.1,
         application: concat!("vfd-gateway ", env!("CARGO_PKG_VERSION")),
@@ -192,7 +192,7 @@ mod tests {
         let told = PacketFrame::of(&frame, Framing::Rtu).unwrap();
         assert_eq!(
             (told.unix_us, told.direction, told.protocol),
-            (1_002_003, Direction::Out, "mbrtu")
+            (1_002_003, PacketDirection::Out, "mbrtu")
         );
         assert!(told.is_for_a_drive);
         assert_eq!(told.bytes, [1, 3, 1, 1, 0, 1, 0xD4, 0x36]);
@@ -213,7 +213,7 @@ mod tests {
         let told = PacketFrame::of(&noise, Framing::Rtu).unwrap();
         assert_eq!(
             (told.unix_us, told.direction, told.protocol),
-            (1, Direction::In, "data")
+            (1, PacketDirection::In, "data")
         );
         assert_eq!(told.comment, "noise: 1 byte that makes no frame");
         let other = json!({ "at": "1970-01-01T00:00:00.000001Z", "kind": "other_master", "bytes": "", "station": 9,

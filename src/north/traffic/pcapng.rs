@@ -27,7 +27,7 @@ mod option {
 
 /// The origin of a capture.
 #[derive(Clone, Debug)]
-pub struct Header<'h> {
+pub struct CaptureHeader<'h> {
     /// The machine, if known.
     pub hardware: &'h str,
     /// The system.
@@ -44,7 +44,7 @@ pub struct Header<'h> {
 
 /// The direction of a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Direction {
+pub enum PacketDirection {
     /// To the line.
     Out,
     /// From the line.
@@ -53,11 +53,11 @@ pub enum Direction {
 
 /// One packet.
 #[derive(Clone, Debug)]
-pub struct Packet<'p> {
+pub struct CapturePacket<'p> {
     /// Microseconds since 1970-01-01 UTC.
     pub unix_us: u64,
     /// Its direction.
-    pub direction: Direction,
+    pub direction: PacketDirection,
     /// Whether it is a request to a drive, from any master.
     pub is_for_a_drive: bool,
     /// The name of its protocol's dissector.
@@ -72,7 +72,7 @@ pub struct Packet<'p> {
 
 /// The beginning of a file: its section and the one interface in it.
 #[must_use]
-pub fn beginning(header: &Header<'_>) -> Vec<u8> {
+pub fn beginning(header: &CaptureHeader<'_>) -> Vec<u8> {
     const BYTE_ORDER: u32 = 0x1A2B_3C4D;
     const LENGTH_UNKNOWN: u64 = u64::MAX;
     const NO_LIMIT: u32 = 0;
@@ -120,7 +120,7 @@ pub fn beginning(header: &Header<'_>) -> Vec<u8> {
 
 /// One packet as a block.
 #[must_use]
-pub fn packet(packet: &Packet<'_>) -> Vec<u8> {
+pub fn packet(packet: &CapturePacket<'_>) -> Vec<u8> {
     let data = upper_pdu(packet);
     let length = u32::try_from(data.len()).unwrap_or(u32::MAX).to_le_bytes();
     let mut body = Vec::with_capacity(data.len() + packet.comment.len() + 64);
@@ -131,8 +131,8 @@ pub fn packet(packet: &Packet<'_>) -> Vec<u8> {
     body.extend(length);
     put_padded(&mut body, &data);
     let flags: u32 = match packet.direction {
-        Direction::In => 1,
-        Direction::Out => 2,
+        PacketDirection::In => 1,
+        PacketDirection::Out => 2,
     };
     put_option(&mut body, option::COMMENT, packet.comment.as_bytes());
     put_option(&mut body, option::PACKET_FLAGS, &flags.to_le_bytes());
@@ -148,7 +148,7 @@ pub fn packet(packet: &Packet<'_>) -> Vec<u8> {
 }
 
 /// The bytes after tags that name their protocol. Tags are in network order.
-fn upper_pdu(packet: &Packet<'_>) -> Vec<u8> {
+fn upper_pdu(packet: &CapturePacket<'_>) -> Vec<u8> {
     const TAG_END: u16 = 0;
     const TAG_DISSECTOR_NAME: u16 = 12;
     const TAG_PORT_TYPE: u16 = 24;
@@ -219,7 +219,7 @@ mod tests {
 
     #[test]
     fn a_file_begins_with_its_section_and_its_interface() {
-        let header = Header {
+        let header = CaptureHeader {
             hardware: "x86",
             os: "Linux",
             application: "vfd",
@@ -249,9 +249,9 @@ mod tests {
     #[test]
     fn a_packet_names_its_protocol_and_has_its_moment() {
         let frame = [1, 3, 1, 1, 0, 1, 0xD4, 0x36];
-        let mut request = Packet {
+        let mut request = CapturePacket {
             unix_us: 0x0006_1234_89AB_CDEF,
-            direction: Direction::Out,
+            direction: PacketDirection::Out,
             is_for_a_drive: true,
             protocol: "mbrtu",
             bytes: &frame,
@@ -274,7 +274,7 @@ mod tests {
              0000 0000 64000000",
         );
         assert_eq!(packet(&request), golden);
-        request.direction = Direction::In;
+        request.direction = PacketDirection::In;
         request.dropped = 3;
         let lossy = packet(&request);
         let end = bytes("0200 0400 01000000 0400 0800 03000000 00000000 0000 0000 70000000");
@@ -286,9 +286,9 @@ mod tests {
         for length in 0..9 {
             let bytes = vec![0xAA; length];
             let comment = "c".repeat(length);
-            let one = Packet {
+            let one = CapturePacket {
                 unix_us: 1,
-                direction: Direction::In,
+                direction: PacketDirection::In,
                 is_for_a_drive: false,
                 protocol: "data",
                 bytes: &bytes,
@@ -303,9 +303,9 @@ mod tests {
             );
         }
         let long = "x".repeat(70_000);
-        let one = Packet {
+        let one = CapturePacket {
             unix_us: 1,
-            direction: Direction::In,
+            direction: PacketDirection::In,
             is_for_a_drive: false,
             protocol: "data",
             bytes: &[],

@@ -1,10 +1,10 @@
 //! Registers and their words in text for people.
 
 use super::{FrameValue, KnownDrive};
-use crate::domain::address::{Address, Table};
+use crate::domain::address::{Address, DataTable};
 use crate::domain::units::UnitOfMeasure;
-use crate::drive::rated::Rated;
-use crate::profile::model::{BitMeaning, Model, OrderKind, Register, Role};
+use crate::drive::rated::RatedConversion;
+use crate::profile::model::{BitMeaning, Model, OrderKind, Register, RegisterRole};
 use crate::profile::scale::digits_of;
 use crate::profile::value::codes_of_bits;
 use crate::profile::words::{BIT_MEANINGS, FLAGS, ZERO_WORDS};
@@ -85,7 +85,7 @@ fn name(model: &Model, address: Address) -> Option<String> {
     };
     // A drive without input registers may serve its holding registers by 04 as well.
     let as_holding = || {
-        if address.table() == Table::Input {
+        if address.table() == DataTable::Input {
             model.register_at(address.number())
         } else {
             None
@@ -135,13 +135,16 @@ fn text(drive: &KnownDrive, register: &Register, word: u16) -> String {
         Some(scaled) if !depends => scaled,
         _ => return format!("0x{word:04X}"),
     };
-    if matches!(register.role, Some(Role::RunCommand | Role::Order)) {
+    if matches!(
+        register.role,
+        Some(RegisterRole::RunCommand | RegisterRole::Order)
+    ) {
         return with_meaning(format!("0x{word:04X}"), order_text(model, register, word));
     }
     if let Some(meaning) = register.meaning(word) {
         return with_meaning(scaled.to_string(), meaning.to_owned());
     }
-    if register.role == Some(Role::TripBits) {
+    if register.role == Some(RegisterRole::TripBits) {
         let set = codes_of_bits(register.code_in(word).into());
         let known: Vec<_> = set
             .filter_map(|code| model.trip_text(code))
@@ -151,7 +154,7 @@ fn text(drive: &KnownDrive, register: &Register, word: u16) -> String {
     }
     if matches!(
         register.role,
-        Some(Role::TripCode | Role::TripCause | Role::TripHistory)
+        Some(RegisterRole::TripCode | RegisterRole::TripCause | RegisterRole::TripHistory)
     ) {
         let known = model
             .trip_text(register.code_in(word))
@@ -177,7 +180,7 @@ fn text(drive: &KnownDrive, register: &Register, word: u16) -> String {
     if register.form.sign_is_direction && register.number_in(word) < 0 {
         return with_meaning(text, "reverse".to_owned());
     }
-    let rated = Rated::of(register, &drive.ratings);
+    let rated = RatedConversion::of(register, &drive.ratings);
     let rated = rated.map(|rated| {
         format!(
             "{} {}",
@@ -214,11 +217,11 @@ fn order_text(model: &Model, register: &Register, word: u16) -> String {
         return if says_no_direction {
             "run"
         } else {
-            kind.word()
+            kind.keyword()
         }
         .to_owned();
     }
-    let (Some(run), Some(Role::RunCommand)) = (&model.run, register.role) else {
+    let (Some(run), Some(RegisterRole::RunCommand)) = (&model.run, register.role) else {
         return String::new();
     };
     if word == 0

@@ -5,7 +5,7 @@ use super::register::{in_text, place, values};
 use super::request::function_text;
 use crate::domain::address::Address;
 use crate::domain::link::Framing;
-use crate::domain::traffic::Why;
+use crate::domain::traffic::FramePurpose;
 use crate::wire::exception::{self, ILLEGAL_FUNCTION};
 use crate::wire::framing;
 use crate::wire::pdu::{self, FUNCTION_ERROR, Reply, Request, function};
@@ -118,7 +118,7 @@ fn refusal(drive: Option<&KnownDrive>, code: u8, asked: Option<&OpenRequest>) ->
         .or(exception::name(code))
         .unwrap_or("no document names it");
     let is_wanted = asked.is_some_and(|asked| {
-        matches!(asked.why, Some(Why::Barrier | Why::Trial))
+        matches!(asked.why, Some(FramePurpose::Barrier | FramePurpose::Trial))
             && matches!(code, ILLEGAL_FUNCTION | FUNCTION_ERROR)
     });
     let wanted = if is_wanted { ", as it should be" } else { "" };

@@ -2,7 +2,7 @@
 
 use super::frame::{FrameText, KnownDrive};
 use super::register::{in_text, place, values};
-use crate::domain::address::{Address, Table};
+use crate::domain::address::{Address, DataTable};
 use crate::profile::model::Barrier;
 use crate::wire::pdu::{Request, function};
 
@@ -46,7 +46,7 @@ fn other(drive: Option<&KnownDrive>, pdu: &[u8]) -> FrameText {
         return FrameText::text("no function");
     };
     if let (function::READ_INPUT, [first, second, third, fourth]) = (code, data) {
-        let address = Address::new(Table::Input, u16::from_be_bytes([*first, *second]));
+        let address = Address::new(DataTable::Input, u16::from_be_bytes([*first, *second]));
         let count = u16::from_be_bytes([*third, *fourth]);
         return FrameText::text(read("read input", drive, address, count));
     }

@@ -3,7 +3,7 @@
 use super::*;
 use crate::domain::ids::Name;
 use crate::domain::link::Framing;
-use crate::drive::description::Ratings;
+use crate::drive::description::DriveRatings;
 use crate::profile::catalog::Catalog;
 use crate::vendors;
 use crate::wire::{mbap, rtu};
@@ -20,19 +20,19 @@ fn drive(model: &str, station: u8) -> KnownDrive {
         station: Station(station),
         name: Name::new(&format!("drive-{station}")).unwrap(),
         model: Arc::clone(catalog().find(model).unwrap()),
-        ratings: Ratings {
+        ratings: DriveRatings {
             current_ma: Some(10_000),
             voltage_mv: Some(400_000),
         },
     }
 }
 
-fn decoder(framing: Framing, drives: Vec<KnownDrive>) -> Decoder {
-    Decoder::new(LineFacts { framing, drives })
+fn decoder(framing: Framing, drives: Vec<KnownDrive>) -> TrafficDecoder {
+    TrafficDecoder::new(LineFacts { framing, drives })
 }
 
 /// An N700 at station 1 and another at station 2.
-fn hall() -> Decoder {
+fn hall() -> TrafficDecoder {
     decoder(
         Framing::Rtu,
         vec![drive("hyundai-n700", 1), drive("hyundai-n700", 2)],
@@ -40,7 +40,7 @@ fn hall() -> Decoder {
 }
 
 fn record(kind: TrafficKind, bytes: &[u8]) -> TrafficRecord {
-    let why = (kind == TrafficKind::Request).then_some(Why::Poll);
+    let why = (kind == TrafficKind::Request).then_some(FramePurpose::Poll);
     TrafficRecord {
         kind,
         why,
@@ -58,11 +58,11 @@ fn frame(station: u8, pdu: &[u8]) -> Vec<u8> {
 
 /// The decoder's text for a request and for what comes back as `kind`.
 fn exchange(
-    decoder: &mut Decoder,
+    decoder: &mut TrafficDecoder,
     request: &[u8],
     kind: TrafficKind,
     reply: &[u8],
-) -> (Frame, Frame) {
+) -> (TrafficFrame, TrafficFrame) {
     let asked = decoder.decode(&record(
         TrafficKind::Request,
         &frame(request[0], &request[1..]),
@@ -137,7 +137,7 @@ fn is_sound(framing: Framing, bytes: &[u8]) -> bool {
 }
 
 /// The decoder's text for a row: of a damaged frame as the line would report it.
-fn decoded(row: &Row) -> (Frame, Option<Frame>) {
+fn decoded(row: &Row) -> (TrafficFrame, Option<TrafficFrame>) {
     let station = match row.framing {
         Framing::Ascii => {
             u8::from_str_radix(std::str::from_utf8(&row.request[1..3]).unwrap(), 16).unwrap()
@@ -227,7 +227,7 @@ fn every_frame_of_the_collections_says_what_its_collection_says() {
         else {
             continue;
         };
-        let plain = |frame: &Frame| frame.function.map(|code| code & 0x7F);
+        let plain = |frame: &TrafficFrame| frame.function.map(|code| code & 0x7F);
         assert_eq!(
             (reply.station, plain(&reply)),
             (asked.station, plain(&asked)),
@@ -364,25 +364,25 @@ fn barriers_and_looks_for_an_echo_are_named() {
         hall.decode(&sent).text
     };
     assert_eq!(
-        said(Why::Barrier, &[8, 0, 0, 0xA5, 0x37]),
+        said(FramePurpose::Barrier, &[8, 0, 0, 0xA5, 0x37]),
         "barrier: loop test with 0xA537"
     );
     assert_eq!(
-        said(Why::Trial, &[0x11]),
+        said(FramePurpose::Trial, &[0x11]),
         "trial of a barrier: function 0x11, report server id"
     );
     assert_eq!(
-        said(Why::Probe, &[3, 1, 1, 0, 2]),
+        said(FramePurpose::Probe, &[3, 1, 1, 0, 2]),
         "looking for an echo: read 0x0101 output frequency, 2 words"
     );
     assert_eq!(
-        said(Why::Stop, &[6, 0, 2, 0, 0]),
+        said(FramePurpose::Stop, &[6, 0, 2, 0, 0]),
         "write 0x0002 run command = 0x0000 (stop)"
     );
     let refusal = hall.decode(&record(TrafficKind::Reply, &frame(1, &[0x86, 1])));
     assert!(!refusal.text.contains("as it should"), "{}", refusal.text);
     let barrier = TrafficRecord {
-        why: Some(Why::Barrier),
+        why: Some(FramePurpose::Barrier),
         ..record(TrafficKind::Request, &frame(1, &[0x11]))
     };
     hall.decode(&barrier);
@@ -507,7 +507,7 @@ fn silences_are_counted_from_the_end_of_what_was_there_before() {
         end: MonoTime::from_millis(end_ms),
         ..record(kind, &frame(1, &[3, 2, 0, 0]))
     };
-    let gap_ms = |frame: Frame| frame.gap.map(|gap| gap.as_millis());
+    let gap_ms = |frame: TrafficFrame| frame.gap.map(|gap| gap.as_millis());
     let first = hall.decode(&at(TrafficKind::Reply, 100, 108));
     assert_eq!(
         (gap_ms(first.clone()), first.on_wire.as_millis()),

@@ -1,11 +1,11 @@
 //! The rules for the RAM form of stored registers.
 
-use crate::domain::address::Table;
+use crate::domain::address::DataTable;
 use crate::domain::problem::Problem;
 use crate::profile::file::{AliasFile, FactFile, ModelFile};
-use crate::profile::model::{Access, Memory, RamAlias, Role};
+use crate::profile::model::{RamAlias, RegisterAccess, RegisterMemory, RegisterRole};
 use crate::profile::register::RegisterFile;
-use crate::toml_file::{Location, OptionalKey};
+use crate::toml_file::{KeyLocation, OptionalKey};
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     let fact = file
@@ -53,12 +53,12 @@ fn setpoints_are_written_in_ram(
     for register in registers.iter().filter(|it| {
         it.role
             .valid()
-            .is_some_and(|it| it.value == Role::FrequencyCommand)
+            .is_some_and(|it| it.value == RegisterRole::FrequencyCommand)
     }) {
         let Some(memory) = register
             .memory
             .valid()
-            .filter(|memory| memory.value == Memory::Stored)
+            .filter(|memory| memory.value == RegisterMemory::Stored)
         else {
             continue;
         };
@@ -82,10 +82,10 @@ fn has_form(alias: Option<RamAlias>, register: &RegisterFile, address: u16) -> b
     let is_whole = register
         .access
         .as_ref()
-        .is_none_or(|access| access.value == Access::ReadWrite)
+        .is_none_or(|access| access.value == RegisterAccess::ReadWrite)
         && register
             .in_table()
-            .is_none_or(|table| table == Table::Holding)
+            .is_none_or(|table| table == DataTable::Holding)
         && !register.form.is_pair();
     is_whole && alias.is_some_and(|alias| alias.form_of(address).is_some())
 }
@@ -93,7 +93,7 @@ fn has_form(alias: Option<RamAlias>, register: &RegisterFile, address: u16) -> b
 fn tells_both_forms_apart(
     written: &AliasFile,
     alias: RamAlias,
-    location: &Location,
+    location: &KeyLocation,
     problems: &mut Vec<Problem>,
 ) -> bool {
     let before = problems.len();
@@ -123,16 +123,17 @@ fn tells_both_forms_apart(
 fn forms_are_free(
     alias: RamAlias,
     registers: &[RegisterFile],
-    location: &Location,
+    location: &KeyLocation,
     problems: &mut Vec<Problem>,
 ) {
     let mut is_used = false;
     for register in registers {
-        let (Some(address), Some(Table::Holding)) = (&register.address, register.in_table()) else {
+        let (Some(address), Some(DataTable::Holding)) = (&register.address, register.in_table())
+        else {
             continue;
         };
         let is_stored = match register.memory {
-            OptionalKey::Valid(ref memory) => memory.value == Memory::Stored,
+            OptionalKey::Valid(ref memory) => memory.value == RegisterMemory::Stored,
             _ => !register
                 .role
                 .valid()
@@ -150,7 +151,7 @@ fn forms_are_free(
             let first = other.address.as_ref().map(|address| address.value);
             let is_there =
                 first.is_some_and(|first| (first..first.saturating_add(words)).contains(&form));
-            is_there && other.in_table() == Some(Table::Holding)
+            is_there && other.in_table() == Some(DataTable::Holding)
         };
         if let Some(other) = registers.iter().find(covers) {
             let name = other.name().unwrap_or("another one");

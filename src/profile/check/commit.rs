@@ -4,10 +4,10 @@ use super::keys::there;
 use crate::domain::problem::Problem;
 use crate::profile::file::{CommitFile, CommitWordFile, ModelFile};
 use crate::profile::register::RegisterFile;
-use crate::toml_file::{OptionalKey, Spanned};
+use crate::toml_file::{LocatedValue, OptionalKey};
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
-    let OptionalKey::Valid(Spanned {
+    let OptionalKey::Valid(LocatedValue {
         value: commit,
         location,
     }) = &file.commit

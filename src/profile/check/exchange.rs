@@ -1,13 +1,13 @@
 //! The rules between functions, reads, writes and barriers.
 
 use super::tables;
-use crate::domain::address::{Address, Table};
+use crate::domain::address::{Address, DataTable};
 use crate::domain::link::Framing;
 use crate::domain::problem::Problem;
 use crate::profile::file::{BarrierFile, BarrierForm, BlockFile, ModelFile, ReadFile};
-use crate::profile::model::{Access, RefusedWrite};
+use crate::profile::model::{RefusedWrite, RegisterAccess};
 use crate::profile::register::has_decimal_digits;
-use crate::toml_file::Spanned;
+use crate::toml_file::LocatedValue;
 use crate::wire::exception::ILLEGAL_FUNCTION;
 use crate::wire::pdu::function;
 use std::collections::BTreeSet;
@@ -27,7 +27,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
 
 /// The drive serves the functions used for reading, commanding and broadcasting.
 fn functions_suffice(file: &ModelFile, problems: &mut Vec<Problem>) {
-    let Some(Spanned {
+    let Some(LocatedValue {
         value: served,
         location,
     }) = &file.functions.value
@@ -88,7 +88,7 @@ fn block_is_writable(file: &ModelFile, problems: &mut Vec<Problem>) {
         .write
         .as_ref()
         .and_then(|write| write.block.as_ref()?.value.as_ref());
-    let Some(Spanned {
+    let Some(LocatedValue {
         value: block,
         location,
     }) = block
@@ -112,7 +112,7 @@ fn block_is_writable(file: &ModelFile, problems: &mut Vec<Problem>) {
             "leave it out, or 0x{function:02X} in `functions` if the manual names it"
         )));
     }
-    if let Some(address) = first_without(block, Access::can_write, file) {
+    if let Some(address) = first_without(block, RegisterAccess::can_write, file) {
         let problem = location.problem(format!("there is no writable register at {address}"));
         problems.push(problem.right("a range of writable registers only"));
     }
@@ -157,10 +157,10 @@ fn exceptions_are_of_one_kind(file: &ModelFile, problems: &mut Vec<Problem>) {
 /// Areas of reads are ranges that do not overlap.
 fn areas_are_apart(file: &ModelFile, problems: &mut Vec<Problem>) {
     let areas = file.read.iter().flat_map(|read| &read.areas);
-    let mut ranges: Vec<(Table, u16, u16)> = Vec::new();
+    let mut ranges: Vec<(DataTable, u16, u16)> = Vec::new();
     for area in areas {
         let (Some(from), Some(to), Some(table)) =
-            (&area.from, &area.to, area.table.or(Table::Holding))
+            (&area.from, &area.to, area.table.or(DataTable::Holding))
         else {
             continue;
         };
@@ -292,7 +292,7 @@ fn read_is_sound(
         problems.push(problem.right(format!("at most {most}")));
         return;
     }
-    if let Some(address) = first_without(block, Access::can_read, file) {
+    if let Some(address) = first_without(block, RegisterAccess::can_read, file) {
         let what = format!("there is no readable register at {address}");
         problems.push(
             barrier
@@ -307,7 +307,7 @@ fn read_is_sound(
 /// incomplete to decide.
 fn first_without(
     block: &BlockFile,
-    may: impl Fn(Access) -> bool,
+    may: impl Fn(RegisterAccess) -> bool,
     file: &ModelFile,
 ) -> Option<Address> {
     let first = block.first()?;

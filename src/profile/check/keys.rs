@@ -1,20 +1,20 @@
 //! Checks shared by several sections: unique values and register names.
 
-use super::super::register::{RegisterFile, named};
+use super::super::register::{RegisterFile, find_register};
 use crate::domain::problem::{Problem, nearest};
-use crate::profile::model::Role;
-use crate::toml_file::{OptionalKey, Spanned};
+use crate::profile::model::RegisterRole;
+use crate::toml_file::{LocatedValue, OptionalKey};
 use std::collections::BTreeMap;
 
 /// Reports each duplicate in `written`, at its second occurrence.
 pub(super) fn once<'f, T: Ord + 'f>(
-    written: impl IntoIterator<Item = &'f Spanned<T>>,
+    written: impl IntoIterator<Item = &'f LocatedValue<T>>,
     called: impl Fn(&T) -> String,
     right: &str,
     problems: &mut Vec<Problem>,
 ) {
     let mut taken: BTreeMap<&T, &str> = BTreeMap::new();
-    for Spanned { value, location } in written {
+    for LocatedValue { value, location } in written {
         match taken.get(value) {
             Some(first) => {
                 problems.push(
@@ -32,9 +32,9 @@ pub(super) fn once<'f, T: Ord + 'f>(
 
 /// The first register with one of the roles `wanted`, and the role as written.
 pub(super) fn with_role<'f>(
-    wanted: &[Role],
+    wanted: &[RegisterRole],
     registers: &'f [RegisterFile],
-) -> Option<(&'f RegisterFile, &'f Spanned<Role>)> {
+) -> Option<(&'f RegisterFile, &'f LocatedValue<RegisterRole>)> {
     registers.iter().find_map(|register| {
         let role = register
             .role
@@ -47,7 +47,7 @@ pub(super) fn with_role<'f>(
 /// Reports `register`, whose `role` shows `what`, if it is not polled.
 pub(super) fn is_polled(
     register: &RegisterFile,
-    role: &Spanned<Role>,
+    role: &LocatedValue<RegisterRole>,
     what: &str,
     problems: &mut Vec<Problem>,
 ) {
@@ -62,11 +62,11 @@ pub(super) fn is_polled(
 
 /// The register called `name`, which must exist.
 pub(super) fn there<'f>(
-    name: &Spanned<String>,
+    name: &LocatedValue<String>,
     registers: &'f [RegisterFile],
     problems: &mut Vec<Problem>,
 ) -> Option<&'f RegisterFile> {
-    let Some(register) = named(&name.value, registers) else {
+    let Some(register) = find_register(&name.value, registers) else {
         let names = registers
             .iter()
             .filter_map(|register| Some(register.name.as_ref()?.value.as_str()));
@@ -86,7 +86,7 @@ pub(super) fn there<'f>(
 
 /// The register called `name`, which must be readable.
 pub(super) fn readable<'f>(
-    name: &Spanned<String>,
+    name: &LocatedValue<String>,
     registers: &'f [RegisterFile],
     problems: &mut Vec<Problem>,
 ) -> Option<&'f RegisterFile> {

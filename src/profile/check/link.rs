@@ -2,7 +2,7 @@
 
 use crate::domain::problem::Problem;
 use crate::profile::file::{FactFile, LinkFile, TimingFile};
-use crate::toml_file::{RequiredKey, Spanned};
+use crate::toml_file::{LocatedValue, RequiredKey};
 
 pub(super) fn check(link: &LinkFile, problems: &mut Vec<Problem>) {
     defaults_are_allowed(link, problems);
@@ -11,7 +11,7 @@ pub(super) fn check(link: &LinkFile, problems: &mut Vec<Problem>) {
 
 /// Each default setting is one of the supported settings.
 fn defaults_are_allowed(link: &LinkFile, problems: &mut Vec<Problem>) {
-    let Some(Spanned { value: default, .. }) = &link.default.value else {
+    let Some(LocatedValue { value: default, .. }) = &link.default.value else {
         return;
     };
     one_of(&default.baud, &link.bauds, "bauds", problems);
@@ -62,7 +62,7 @@ fn one_of<T: PartialEq>(
 
 /// The range of stations is not empty and does not include the broadcast station.
 fn stations_are_apart(link: &LinkFile, problems: &mut Vec<Problem>) {
-    let Some(Spanned {
+    let Some(LocatedValue {
         value: stations, ..
     }) = &link.stations.value
     else {

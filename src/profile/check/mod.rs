@@ -21,10 +21,10 @@ mod values;
 mod warnings;
 
 use super::file::ModelFile;
-use super::like::{Alone, Source, Sources, Whole};
+use super::like::{ModelText, ModelTexts, NoOtherModels, WholeFile};
 use super::model::Model;
 use crate::domain::problem::Problem;
-use crate::toml_file::{Location, OptionalKey};
+use crate::toml_file::{KeyLocation, OptionalKey};
 
 /// The model that `text` describes.
 ///
@@ -32,21 +32,21 @@ use crate::toml_file::{Location, OptionalKey};
 /// All problems of the file, by position. A fact must cite one of the file's documents; only a time on the
 /// line may be a conservative default instead.
 pub fn model(text: &str) -> Result<Model, Vec<Problem>> {
-    model_and_id(text, &Alone).map(|(model, _)| model)
+    model_and_id(text, &NoOtherModels).map(|(model, _)| model)
 }
 
 /// Like [`model`], with the location of its identifier. The file may begin from one of `sources`.
 pub(super) fn model_and_id(
     text: &str,
-    sources: &dyn Sources,
-) -> Result<(Model, Location), Vec<Problem>> {
+    sources: &dyn ModelTexts,
+) -> Result<(Model, KeyLocation), Vec<Problem>> {
     let mut problems = Vec::new();
-    let ready = Whole::read(text, sources, &mut problems).and_then(|whole| {
+    let ready = WholeFile::read(text, sources, &mut problems).and_then(|whole| {
         let mut of_whole = Vec::new();
         let file = ModelFile::read(whole.document().section(), &mut of_whole);
         compare(&file, &mut of_whole);
         of_whole.sort_by_key(|problem| problem.span.start);
-        let is_unsound = |base: Source<'_>| model_and_id(base.text, sources).is_err();
+        let is_unsound = |base: ModelText<'_>| model_and_id(base.text, sources).is_err();
         let has_taken_over = of_whole.iter().any(|problem| whole.is_taken_over(problem));
         if has_taken_over && whole.base().is_some_and(is_unsound) {
             of_whole.retain(|problem| !whole.is_taken_over(problem));
@@ -91,8 +91,8 @@ fn compare(file: &ModelFile, problems: &mut Vec<Problem>) {
 mod tests {
     use super::*;
     use crate::domain::link::LinkSettings;
-    use crate::profile::model::{Basic, Confidence};
-    use crate::profile::testing::{EVERYTHING, MODEL, golden, told, told_with};
+    use crate::profile::model::{BasicFact, Confidence};
+    use crate::profile::testing::{EVERYTHING, MODEL, golden, problem_lines, told_with};
     use std::time::Duration;
 
     #[test]
@@ -112,7 +112,10 @@ mod tests {
     #[test]
     fn all_mistakes_are_reported_at_once() {
         let text = include_str!("../../../tests/golden/models/mistakes.toml");
-        golden("mistakes.txt", &told(&model(text).unwrap_err(), text));
+        golden(
+            "mistakes.txt",
+            &problem_lines(&model(text).unwrap_err(), text),
+        );
     }
 
     #[test]
@@ -127,7 +130,7 @@ mod tests {
 
     #[test]
     fn an_empty_file_lists_what_a_model_needs() {
-        let found = told(&model("").unwrap_err(), "");
+        let found = problem_lines(&model("").unwrap_err(), "");
         let keys: Vec<_> = found
             .lines()
             .filter_map(|line| line.strip_prefix("1:1 ")?.split(':').next())
@@ -212,7 +215,7 @@ mod tests {
             .replace("\"manual\"", "\"sibling\"")
             .replace(title, of_another);
         let one = siblings.replacen("\"sibling\"", "\"manual\"", 1);
-        let found = told(&model(&one).unwrap_err(), &one);
+        let found = problem_lines(&model(&one).unwrap_err(), &one);
         assert!(
             found.contains("`IM` is an addendum of acme-2\n    right: at best \"sibling\""),
             "{found}"
@@ -334,7 +337,7 @@ mod tests {
         let described: Vec<_> = found
             .unproven_basics()
             .iter()
-            .map(Basic::described)
+            .map(BasicFact::described)
             .collect();
         assert_eq!(
             described,

@@ -3,9 +3,9 @@
 use super::keys::there;
 use crate::domain::problem::Problem;
 use crate::profile::file::{FormWord, ModelFile, PlacesFile, RunFile};
-use crate::profile::model::{Memory, OrderKind, Role};
+use crate::profile::model::{OrderKind, RegisterMemory, RegisterRole};
 use crate::profile::register::RegisterFile;
-use crate::toml_file::{Location, OptionalKey, Spanned};
+use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
 use std::collections::BTreeMap;
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
@@ -31,7 +31,7 @@ fn named_by_an_order(
         let Some(role) = register
             .role
             .valid()
-            .filter(|role| role.value == Role::Order)
+            .filter(|role| role.value == RegisterRole::Order)
         else {
             continue;
         };
@@ -50,7 +50,11 @@ fn named_by_an_order(
 }
 
 /// The register called `name` is written, in RAM as far as is known, and for nothing else.
-fn takes_an_order(name: &Spanned<String>, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
+fn takes_an_order(
+    name: &LocatedValue<String>,
+    registers: &[RegisterFile],
+    problems: &mut Vec<Problem>,
+) {
     let Some(register) = there(name, registers, problems) else {
         return;
     };
@@ -69,7 +73,7 @@ fn takes_an_order(name: &Spanned<String>, registers: &[RegisterFile], problems: 
     if register
         .memory
         .valid()
-        .is_some_and(|memory| memory.value == Memory::Stored)
+        .is_some_and(|memory| memory.value == RegisterMemory::Stored)
     {
         wrong(
             format!("`{}` is stored, and orders wear it out", name.value),
@@ -83,8 +87,8 @@ fn takes_an_order(name: &Spanned<String>, registers: &[RegisterFile], problems: 
         );
     }
     match register.role.valid().map(|role| role.value) {
-        None | Some(Role::Order) => {}
-        Some(Role::RunCommand) => {
+        None | Some(RegisterRole::Order) => {}
+        Some(RegisterRole::RunCommand) => {
             wrong(
                 format!("`{}` takes run commands in any case", name.value),
                 "leave it out",
@@ -102,7 +106,7 @@ type Place<'f> = (Option<&'f str>, u16);
 
 /// No two orders are the same word in the same register.
 fn words_differ(run: &RunFile, problems: &mut Vec<Problem>) {
-    let mut taken: BTreeMap<Place<'_>, &Location> = BTreeMap::new();
+    let mut taken: BTreeMap<Place<'_>, &KeyLocation> = BTreeMap::new();
     for (kind, word) in run.words() {
         let register = run.places.named(kind).map(|name| name.value.as_str());
         let Some(first) = taken.insert((register, word.value), &word.location) else {
@@ -171,7 +175,7 @@ fn stop_replaces_run(run: &RunFile, problems: &mut Vec<Problem>) {
     };
     let what = format!(
         "a stop does not replace the word of {}, which stays in its register",
-        first.word()
+        first.keyword()
     );
     let right = "stop, forward and reverse in one register, or with form = \"values\" a stop in one of its own";
     problems.push(location.location.problem(what).right(right));
@@ -240,7 +244,8 @@ fn sign_can_be_ordered(run: &RunFile, registers: &[RegisterFile], problems: &mut
             .access
             .as_ref()
             .is_none_or(|access| access.value.can_read());
-        role == Some(Role::FrequencyCommand) || (role == Some(Role::FrequencySetting) && is_shown)
+        role == Some(RegisterRole::FrequencyCommand)
+            || (role == Some(RegisterRole::FrequencySetting) && is_shown)
     };
     for register in registers.iter().filter(of_setpoint) {
         let name = register.name().unwrap_or_default();

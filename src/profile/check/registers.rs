@@ -3,22 +3,22 @@
 use crate::domain::problem::Problem;
 use crate::domain::units::UnitOfMeasure;
 use crate::profile::file::{ModelFile, QuirksFile};
-use crate::profile::model::{FactPart, Memory, Role};
+use crate::profile::model::{FactPart, RegisterMemory, RegisterRole};
 use crate::profile::register::{RegisterFile, addresses_fit, codes_fit, distinct};
-use crate::toml_file::{OptionalKey, Spanned};
+use crate::toml_file::{LocatedValue, OptionalKey};
 
 /// Roles whose values may be in percent of the drive's rated values.
-const RATED: [Role; 5] = [
-    Role::OutputCurrent,
-    Role::OutputVoltage,
-    Role::TripCurrent,
-    Role::DcLinkVoltage,
-    Role::TripDcLinkVoltage,
+const RATED: [RegisterRole; 5] = [
+    RegisterRole::OutputCurrent,
+    RegisterRole::OutputVoltage,
+    RegisterRole::TripCurrent,
+    RegisterRole::DcLinkVoltage,
+    RegisterRole::TripDcLinkVoltage,
 ];
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     distinct(&[], &file.registers, problems);
-    for role in [Role::RunCommand, Role::FrequencyCommand] {
+    for role in [RegisterRole::RunCommand, RegisterRole::FrequencyCommand] {
         takes_commands(role, &file.registers, problems);
     }
     deafness_is_bearable(&file.registers, problems);
@@ -46,7 +46,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
 }
 
 /// Registers of `role` are writable, not stored, and not back doors.
-fn takes_commands(role: Role, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
+fn takes_commands(role: RegisterRole, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
     for register in registers
         .iter()
         .filter(|it| it.role.valid().is_some_and(|it| it.value == role))
@@ -62,11 +62,11 @@ fn takes_commands(role: Role, registers: &[RegisterFile], problems: &mut Vec<Pro
             problems.push(problem.right("a register that the documents show being written"));
         }
         // Whether a setpoint has a form in RAM is checked with `ram_alias`.
-        let is_run = role == Role::RunCommand;
+        let is_run = role == RegisterRole::RunCommand;
         if let Some(memory) = register
             .memory
             .valid()
-            .filter(|memory| is_run && memory.value == Memory::Stored)
+            .filter(|memory| is_run && memory.value == RegisterMemory::Stored)
         {
             let problem = memory
                 .location
@@ -74,7 +74,7 @@ fn takes_commands(role: Role, registers: &[RegisterFile], problems: &mut Vec<Pro
             problems
                 .push(problem.right("a register that is not stored, if the documents name one"));
         }
-        if let OptionalKey::Valid(Spanned { location, .. }) = &register.back_door {
+        if let OptionalKey::Valid(LocatedValue { location, .. }) = &register.back_door {
             let problem = location.problem("a command register cannot be a back door");
             problems.push(problem.right("leave it out"));
         }
@@ -95,11 +95,12 @@ fn deafness_is_bearable(registers: &[RegisterFile], problems: &mut Vec<Problem>)
             let problem = deaf.location.problem("the register cannot be written");
             problems.push(problem.right("leave it out, or use access \"write\" or \"read-write\""));
         }
-        if register
-            .role
-            .valid()
-            .is_some_and(|role| matches!(role.value, Role::RunCommand | Role::FrequencyCommand))
-        {
+        if register.role.valid().is_some_and(|role| {
+            matches!(
+                role.value,
+                RegisterRole::RunCommand | RegisterRole::FrequencyCommand
+            )
+        }) {
             let problem = deaf
                 .location
                 .problem("a drive that is deaf after each order cannot be stopped");
@@ -115,7 +116,7 @@ fn energy_is_counted(registers: &[RegisterFile], problems: &mut Vec<Problem>) {
         let Some(role) = register
             .role
             .valid()
-            .filter(|role| role.value == Role::Energy)
+            .filter(|role| role.value == RegisterRole::Energy)
         else {
             continue;
         };

@@ -4,7 +4,7 @@ use crate::domain::problem::Problem;
 use crate::profile::file::{FormWord, ResetStepFile, RunFile};
 use crate::profile::model::OrderKind;
 use crate::toml_file::values::duration_text;
-use crate::toml_file::{Location, OptionalKey, Spanned};
+use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
 use std::time::Duration;
 
 /// Maximum length of a reset sequence, in words.
@@ -15,13 +15,13 @@ const WAITS_MAX: Duration = Duration::from_secs(20);
 
 /// What a word of a reset is.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Part {
+enum ResetPart {
     Stop,
     Reset,
     Clear,
 }
 
-pub(super) fn check(run: &RunFile, location: &Location, problems: &mut Vec<Problem>) {
+pub(super) fn check(run: &RunFile, location: &KeyLocation, problems: &mut Vec<Problem>) {
     if run.places.named(OrderKind::Reset).is_none() {
         reset_is_framed(run, location, problems);
     } else {
@@ -35,7 +35,7 @@ pub(super) fn check(run: &RunFile, location: &Location, problems: &mut Vec<Probl
 
 /// A reset starts with a stop and never contains an order to run; with bits it also ends with a stop, which clears the
 /// reset bit.
-fn reset_is_framed(run: &RunFile, location: &Location, problems: &mut Vec<Problem>) {
+fn reset_is_framed(run: &RunFile, location: &KeyLocation, problems: &mut Vec<Problem>) {
     let Some(reset) = run.reset.as_ref() else {
         if let OptionalKey::Valid(sequence) = &run.reset_sequence {
             problems.push(
@@ -75,9 +75,9 @@ fn reset_is_framed(run: &RunFile, location: &Location, problems: &mut Vec<Proble
             let Some(parts) = parts(&sequence.value, run) else {
                 return;
             };
-            let framed = parts.first() == Some(&Some(Part::Stop))
-                && (!ends_with_stop || parts.last() == Some(&Some(Part::Stop)));
-            let only = parts.iter().all(Option::is_some) && parts.contains(&Some(Part::Reset));
+            let framed = parts.first() == Some(&Some(ResetPart::Stop))
+                && (!ends_with_stop || parts.last() == Some(&Some(ResetPart::Stop)));
+            let only = parts.iter().all(Option::is_some) && parts.contains(&Some(ResetPart::Reset));
             if !(framed && only && parts.len() <= WORDS_MAX) {
                 let end = if ends_with_stop {
                     " and ends with one"
@@ -101,12 +101,12 @@ fn reset_apart_is_framed(run: &RunFile, problems: &mut Vec<Problem>) {
         return;
     };
     let end = if run.places.clear.is_some() {
-        Part::Clear
+        ResetPart::Clear
     } else {
-        Part::Reset
+        ResetPart::Reset
     };
-    let framed = parts.first() == Some(&Some(Part::Stop)) && parts.last() == Some(&Some(end));
-    let only = parts.iter().all(Option::is_some) && parts.contains(&Some(Part::Reset));
+    let framed = parts.first() == Some(&Some(ResetPart::Stop)) && parts.last() == Some(&Some(end));
+    let only = parts.iter().all(Option::is_some) && parts.contains(&Some(ResetPart::Reset));
     if framed && only && parts.len() <= WORDS_MAX {
         return;
     }
@@ -120,7 +120,7 @@ fn reset_apart_is_framed(run: &RunFile, problems: &mut Vec<Problem>) {
         .filter_map(|fact| fact.value.as_ref())
         .chain(&run.places.clear);
     let table =
-        |word: &Spanned<u16>| format!("{{ register = \"{name}\", value = {} }}", word.value);
+        |word: &LocatedValue<u16>| format!("{{ register = \"{name}\", value = {} }}", word.value);
     let stop = run.stop.value.iter().map(|word| run.shown(word.value));
     let example: Vec<_> = stop.chain(words.map(table)).collect();
     let problem = sequence
@@ -134,7 +134,7 @@ fn reset_apart_is_framed(run: &RunFile, problems: &mut Vec<Problem>) {
 }
 
 /// What each word of `steps` is, `None` for one that has no place in a reset; nothing if one of them is unusable.
-fn parts(steps: &[ResetStepFile], run: &RunFile) -> Option<Vec<Option<Part>>> {
+fn parts(steps: &[ResetStepFile], run: &RunFile) -> Option<Vec<Option<ResetPart>>> {
     let stop = run.stop.value.as_ref()?.value;
     let reset = run.reset.as_ref()?.value.as_ref()?.value;
     let apart = run.places.named(OrderKind::Reset).map(|name| &name.value);
@@ -147,10 +147,10 @@ fn parts(steps: &[ResetStepFile], run: &RunFile) -> Option<Vec<Option<Part>>> {
             OptionalKey::Valid(name) => Some(&name.value),
         };
         Some(match name {
-            None if apart.is_none() && word == reset => Some(Part::Reset),
-            None if word == stop => Some(Part::Stop),
-            Some(_) if name == apart && word == reset => Some(Part::Reset),
-            Some(_) if name == apart && Some(word) == clear => Some(Part::Clear),
+            None if apart.is_none() && word == reset => Some(ResetPart::Reset),
+            None if word == stop => Some(ResetPart::Stop),
+            Some(_) if name == apart && word == reset => Some(ResetPart::Reset),
+            Some(_) if name == apart && Some(word) == clear => Some(ResetPart::Clear),
             None | Some(_) => None,
         })
     };
@@ -181,7 +181,7 @@ fn reset_is_cleared(run: &RunFile, problems: &mut Vec<Problem>) {
     }
 }
 
-fn pauses_are_bounded(sequence: &Spanned<Vec<ResetStepFile>>, problems: &mut Vec<Problem>) {
+fn pauses_are_bounded(sequence: &LocatedValue<Vec<ResetStepFile>>, problems: &mut Vec<Problem>) {
     let waits = sequence
         .value
         .iter()

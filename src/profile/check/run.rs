@@ -3,13 +3,13 @@
 use super::{reset, run_word, stop_bits};
 use crate::domain::problem::Problem;
 use crate::profile::file::{FormWord, RunFile};
-use crate::profile::model::Role;
+use crate::profile::model::RegisterRole;
 use crate::profile::register::RegisterFile;
-use crate::toml_file::{Location, OptionalKey, Spanned};
+use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
 
 pub(super) fn check(
     run: &RunFile,
-    location: &Location,
+    location: &KeyLocation,
     registers: &[RegisterFile],
     problems: &mut Vec<Problem>,
 ) {
@@ -29,7 +29,7 @@ pub(super) fn check(
 fn forbidden_words_are_no_commands(run: &RunFile, problems: &mut Vec<Problem>) {
     for (
         register,
-        Spanned {
+        LocatedValue {
             value: never,
             location,
         },
@@ -51,11 +51,11 @@ fn forbidden_words_are_no_commands(run: &RunFile, problems: &mut Vec<Problem>) {
 }
 
 /// There is a register for run commands.
-fn commands_are_taken(run: &Location, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
+fn commands_are_taken(run: &KeyLocation, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
     let may_be = |register: &RegisterFile| match &register.role {
         OptionalKey::Absent => false,
         OptionalKey::Invalid => true,
-        OptionalKey::Valid(role) => role.value == Role::RunCommand,
+        OptionalKey::Valid(role) => role.value == RegisterRole::RunCommand,
     };
     if !registers.iter().any(may_be) {
         let problem = run.problem("there is no register for run commands");

@@ -4,10 +4,10 @@ use super::keys::once;
 use crate::domain::command::Direction;
 use crate::domain::problem::Problem;
 use crate::profile::file::{FieldFile, FormWord, RunFile};
-use crate::profile::model::{BitMeaning, OrderKind, Sense, WordEffect, WordSenses, ZeroWord};
+use crate::profile::model::{BitMeaning, BitSense, OrderKind, WordEffect, WordSenses, ZeroWord};
 use crate::profile::words::{BIT_MEANINGS, ZERO_WORDS};
 use crate::toml_file::words::word_for;
-use crate::toml_file::{Location, OptionalKey, Spanned};
+use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
 
 /// Only words composed of bits may declare bits.
 pub(super) fn values_have_no_bits(run: &RunFile, problems: &mut Vec<Problem>) {
@@ -16,7 +16,7 @@ pub(super) fn values_have_no_bits(run: &RunFile, problems: &mut Vec<Problem>) {
     let places = bits
         .chain(fields)
         .chain(run.priority.valid().map(|written| &written.location));
-    let problem = |location: &Location| {
+    let problem = |location: &KeyLocation| {
         location.problem("each word is one command, so single bits have no meaning")
     };
     problems
@@ -24,7 +24,7 @@ pub(super) fn values_have_no_bits(run: &RunFile, problems: &mut Vec<Problem>) {
 }
 
 /// Every command consists of declared bits and orders only what its name says.
-pub(super) fn bits_are_sound(run: &RunFile, location: &Location, problems: &mut Vec<Problem>) {
+pub(super) fn bits_are_sound(run: &RunFile, location: &KeyLocation, problems: &mut Vec<Problem>) {
     if run.bits.is_empty() && run.fields.is_empty() {
         let problem = location
             .missing("bit")
@@ -61,7 +61,11 @@ pub(super) fn bits_are_sound(run: &RunFile, location: &Location, problems: &mut 
 }
 
 /// `word` consists of declared bits, and moves nothing.
-pub(super) fn bits_order_nothing(word: &Spanned<u16>, run: &RunFile, problems: &mut Vec<Problem>) {
+pub(super) fn bits_order_nothing(
+    word: &LocatedValue<u16>,
+    run: &RunFile,
+    problems: &mut Vec<Problem>,
+) {
     bits_are_declared(word, declared(run), problems);
     values_are_listed(word, run, problems);
     let senses = run.senses();
@@ -73,7 +77,7 @@ pub(super) fn bits_order_nothing(word: &Spanned<u16>, run: &RunFile, problems: &
             )
     };
     for sense in senses.held(word.value).filter(|sense| moves(sense.meaning)) {
-        let (what, right) = told(sense, word.value);
+        let (what, right) = explain_sense(sense, word.value);
         problems.push(word.location.problem(what).right(right));
     }
 }
@@ -106,7 +110,7 @@ fn fields_are_sound(run: &RunFile, problems: &mut Vec<Problem>) {
         .filter_map(|bit| Some((1_u16 << bit.bit.as_ref()?.value, &bit.location)));
     let mut taken: Vec<_> = bits.collect();
     for field in &run.fields {
-        let Some(Spanned {
+        let Some(LocatedValue {
             value: mask,
             location,
         }) = field.mask.as_ref()
@@ -151,7 +155,7 @@ fn fields_are_sound(run: &RunFile, problems: &mut Vec<Problem>) {
 }
 
 pub(super) fn bits_are_declared(
-    word: &Spanned<u16>,
+    word: &LocatedValue<u16>,
     declared: Option<u16>,
     problems: &mut Vec<Problem>,
 ) {
@@ -172,7 +176,7 @@ pub(super) fn bits_are_declared(
 }
 
 /// The meaning of each field in `word` is known.
-fn values_are_listed(word: &Spanned<u16>, run: &RunFile, problems: &mut Vec<Problem>) {
+fn values_are_listed(word: &LocatedValue<u16>, run: &RunFile, problems: &mut Vec<Problem>) {
     for field in &run.fields {
         let Some((mask, values)) = field.mask.as_ref().zip(field.values.as_ref()) else {
             continue;
@@ -216,7 +220,7 @@ fn is_wrong(order: OrderKind, meaning: BitMeaning) -> bool {
 /// A command does what its name says, and nothing else.
 pub(super) fn orders_one_thing(
     order: OrderKind,
-    word: &Spanned<u16>,
+    word: &LocatedValue<u16>,
     run: &RunFile,
     problems: &mut Vec<Problem>,
 ) {
@@ -226,7 +230,7 @@ pub(super) fn orders_one_thing(
         .held(word.value)
         .filter(|sense| is_wrong(order, sense.meaning))
     {
-        let (what, right) = told(sense, word.value);
+        let (what, right) = explain_sense(sense, word.value);
         problems.push(word.location.problem(what).right(right));
         is_refused = true;
     }
@@ -271,7 +275,7 @@ pub(super) fn orders_one_thing(
 /// `word` runs the motor in `direction`.
 fn runs(
     direction: Direction,
-    word: &Spanned<u16>,
+    word: &LocatedValue<u16>,
     senses: &WordSenses,
     problems: &mut Vec<Problem>,
 ) {
@@ -303,7 +307,7 @@ fn runs(
 }
 
 /// Why `sense` holds with `word`, and what would be right.
-fn told(sense: &Sense, word: u16) -> (String, &'static str) {
+fn explain_sense(sense: &BitSense, word: u16) -> (String, &'static str) {
     let meaning = word_for(&BIT_MEANINGS, &sense.meaning);
     let bit = sense.mask.trailing_zeros();
     match (sense.mask.is_power_of_two(), sense.is_inverted()) {
@@ -326,7 +330,7 @@ fn told(sense: &Sense, word: u16) -> (String, &'static str) {
 }
 
 /// The file says what a word of zeros does if bits alone do not make that plain, and it agrees with commands and bits.
-pub(super) fn zero_is_known(run: &RunFile, location: &Location, problems: &mut Vec<Problem>) {
+pub(super) fn zero_is_known(run: &RunFile, location: &KeyLocation, problems: &mut Vec<Problem>) {
     let senses = run.senses();
     let has_bits = run
         .form
@@ -344,7 +348,7 @@ pub(super) fn zero_is_known(run: &RunFile, location: &Location, problems: &mut V
         }
         return;
     };
-    let Some(Spanned {
+    let Some(LocatedValue {
         value: stated,
         location,
     }) = &zero.value

@@ -6,7 +6,7 @@ use crate::domain::problem::Problem;
 use crate::profile::file::{ModelFile, SetupFile, WatchdogFile};
 use crate::profile::register::RegisterFile;
 use crate::toml_file::words::{INTERFACES, word_for};
-use crate::toml_file::{Location, OptionalKey, Spanned};
+use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     let interfaces = file
@@ -24,7 +24,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
         setting_can_be_made(setup, &file.registers, problems);
         interface_is_there(setup, interfaces, problems);
     }
-    if let OptionalKey::Valid(Spanned {
+    if let OptionalKey::Valid(LocatedValue {
         value: watchdog,
         location,
     }) = &file.watchdog
@@ -40,7 +40,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
 /// it: otherwise any word would be taken for one that stops.
 fn reaction_words_are_stated(
     watchdog: &WatchdogFile,
-    location: &Location,
+    location: &KeyLocation,
     registers: &[RegisterFile],
     problems: &mut Vec<Problem>,
 ) {
@@ -59,7 +59,7 @@ fn reaction_words_are_stated(
                 .push(problem.right("add the register that holds one of them, or leave it out"));
         }
         (OptionalKey::Valid(_), OptionalKey::Valid(words)) => {
-            let both = |stops: &Spanned<Vec<Spanned<u16>>>| {
+            let both = |stops: &LocatedValue<Vec<LocatedValue<u16>>>| {
                 words
                     .value
                     .iter()
@@ -72,7 +72,7 @@ fn reaction_words_are_stated(
                     .problem(format!("{} is also in `stops`", word.value));
                 problems.push(problem.right("each word in only one of the lists"));
             }
-            let is_there = |action: &Spanned<String>| {
+            let is_there = |action: &LocatedValue<String>| {
                 registers
                     .iter()
                     .any(|it| it.name() == Some(action.value.as_str()))

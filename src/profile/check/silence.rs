@@ -2,7 +2,7 @@
 
 use crate::domain::problem::Problem;
 use crate::profile::file::{CommitWordFile, ModelFile};
-use crate::profile::model::{OrderKind, Role};
+use crate::profile::model::{OrderKind, RegisterRole};
 use crate::profile::register::RegisterFile;
 use crate::toml_file::OptionalKey;
 
@@ -58,7 +58,10 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
 /// Whether the register takes a run command, a setpoint, or any order but a reset.
 fn takes_an_order_that_must_be_answered(register: &RegisterFile, file: &ModelFile) -> bool {
     let role = register.role.valid().map(|role| role.value);
-    if matches!(role, Some(Role::RunCommand | Role::FrequencyCommand)) {
+    if matches!(
+        role,
+        Some(RegisterRole::RunCommand | RegisterRole::FrequencyCommand)
+    ) {
         return true;
     }
     let Some(run) = file.run.valid().map(|run| &run.value) else {

@@ -4,8 +4,8 @@ use super::keys::{readable, with_role};
 use super::run_word;
 use crate::domain::problem::Problem;
 use crate::profile::file::{FormWord, ModelFile, RunFile, StartStepFile};
-use crate::profile::model::{Flag, OrderKind, Role};
-use crate::toml_file::{OptionalKey, Spanned};
+use crate::profile::model::{IndicatedState, OrderKind, RegisterRole};
+use crate::toml_file::{LocatedValue, OptionalKey};
 
 /// Maximum number of words before the run word.
 const STEPS_MAX: usize = 8;
@@ -32,7 +32,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     let shows_running = file.status.iter().any(|it| {
         it.flag
             .as_ref()
-            .is_none_or(|flag| flag.value == Flag::Running)
+            .is_none_or(|flag| flag.value == IndicatedState::Running)
     });
     if !shows_running {
         let problem = first
@@ -55,7 +55,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
         moves_nothing(word, run, problems);
     }
     turns_nothing_off(run, problems);
-    if with_role(&[Role::OutputFrequency], &file.registers).is_none() && shows_running {
+    if with_role(&[RegisterRole::OutputFrequency], &file.registers).is_none() && shows_running {
         let problem = first
             .location
             .problem("nothing shows whether the motor turns");
@@ -89,7 +89,9 @@ fn step_can_be_seen(step: &StartStepFile, file: &ModelFile, problems: &mut Vec<P
     let (Some(mask), Some(values)) = (until.mask.or(u16::MAX), &until.values) else {
         return;
     };
-    for Spanned { value, location } in values.value.iter().filter(|word| word.value & !mask != 0) {
+    for LocatedValue { value, location } in
+        values.value.iter().filter(|word| word.value & !mask != 0)
+    {
         let problem = location.problem(format!(
             "0x{value:04X} has bits outside the mask 0x{mask:04X}"
         ));
@@ -157,7 +159,7 @@ fn turns_nothing_off(run: &RunFile, problems: &mut Vec<Problem>) {
 }
 
 /// The word neither runs nor resets, and is not forbidden.
-fn moves_nothing(word: &Spanned<u16>, run: &RunFile, problems: &mut Vec<Problem>) {
+fn moves_nothing(word: &LocatedValue<u16>, run: &RunFile, problems: &mut Vec<Problem>) {
     let is_order = |kind: OrderKind| {
         matches!(
             kind,

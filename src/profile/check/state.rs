@@ -3,12 +3,12 @@
 use super::keys::readable;
 use crate::domain::problem::Problem;
 use crate::profile::file::ModelFile;
-use crate::toml_file::{OptionalKey, Spanned};
+use crate::toml_file::{LocatedValue, OptionalKey};
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     let states = file.run.valid().map_or(&[][..], |run| &run.value.states);
-    let mut first: Option<&Spanned<String>> = None;
-    let mut seen: Vec<(u16, &Spanned<u16>)> = Vec::new();
+    let mut first: Option<&LocatedValue<String>> = None;
+    let mut seen: Vec<(u16, &LocatedValue<u16>)> = Vec::new();
     for state in states {
         match (&state.register, first) {
             (Some(name), Some(first)) if name.value != first.value => {

@@ -3,11 +3,11 @@
 use super::keys::{is_polled, once, readable, with_role};
 use crate::domain::problem::Problem;
 use crate::profile::file::{CodeFile, ModelFile, StatusFile};
-use crate::profile::model::{ClearWords, Role};
+use crate::profile::model::{ClearWords, RegisterRole};
 use crate::profile::register::RegisterFile;
 use crate::profile::words::FLAGS;
 use crate::toml_file::words::word_for;
-use crate::toml_file::{OptionalKey, Spanned};
+use crate::toml_file::{LocatedValue, OptionalKey};
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     let flags = file.status.iter().filter_map(|status| status.flag.as_ref());
@@ -36,7 +36,12 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
         problems,
     );
     trips_have_a_register(file, problems);
-    bits_are_there(&file.trips, Role::TripBits, &file.registers, problems);
+    bits_are_there(
+        &file.trips,
+        RegisterRole::TripBits,
+        &file.registers,
+        problems,
+    );
     bits_stand_alone(&file.registers, problems);
     super::warnings::check(file, problems);
 }
@@ -98,7 +103,7 @@ fn values_fit_the_mask(status: &StatusFile, problems: &mut Vec<Problem>) {
         );
     }
     let words = values.into_iter().chain(clear).flatten();
-    for Spanned { value, location } in words.filter(|word| word.value & !mask != 0) {
+    for LocatedValue { value, location } in words.filter(|word| word.value & !mask != 0) {
         let problem = location.problem(format!(
             "0x{value:04X} has bits outside the mask 0x{mask:04X}"
         ));
@@ -130,7 +135,7 @@ fn clear_is_documented(file: &ModelFile, status: &StatusFile, problems: &mut Vec
 /// Each bit lies within the words of the register that holds them.
 pub(super) fn bits_are_there(
     of: &[CodeFile],
-    role: Role,
+    role: RegisterRole,
     registers: &[RegisterFile],
     problems: &mut Vec<Problem>,
 ) {
@@ -179,7 +184,7 @@ pub(super) fn codes_differ<'f>(
 
 /// Texts for trips require a register that holds the trip's number, texts for bits one that holds the bits.
 fn trips_have_a_register(file: &ModelFile, problems: &mut Vec<Problem>) {
-    let has = |roles: &[Role]| {
+    let has = |roles: &[RegisterRole]| {
         file.registers.iter().any(|register| match &register.role {
             OptionalKey::Absent => false,
             OptionalKey::Invalid => true,
@@ -188,7 +193,7 @@ fn trips_have_a_register(file: &ModelFile, problems: &mut Vec<Problem>) {
     };
     let first = |is_bit: bool| file.trips.iter().find(|trip| trip.is_bit == is_bit);
     if let Some(trip) = first(false)
-        && !has(&[Role::TripCode, Role::TripCause])
+        && !has(&[RegisterRole::TripCode, RegisterRole::TripCause])
     {
         let problem = trip
             .location
@@ -196,7 +201,7 @@ fn trips_have_a_register(file: &ModelFile, problems: &mut Vec<Problem>) {
         problems.push(problem.right("a register with `role = \"trip-code\"` or \"trip-cause\""));
     }
     if let Some(trip) = first(true)
-        && !has(&[Role::TripBits])
+        && !has(&[RegisterRole::TripBits])
     {
         let problem = trip.location.problem("no register holds the bits of trips");
         problems.push(problem.right("a register with `role = \"trip-bits\"`, or `code`"));
@@ -205,7 +210,7 @@ fn trips_have_a_register(file: &ModelFile, problems: &mut Vec<Problem>) {
 
 /// Bits are polled, and no other register says which trip is active.
 fn bits_stand_alone(registers: &[RegisterFile], problems: &mut Vec<Problem>) {
-    let Some((register, role)) = with_role(&[Role::TripBits], registers) else {
+    let Some((register, role)) = with_role(&[RegisterRole::TripBits], registers) else {
         return;
     };
     is_polled(register, role, "bits of trips", problems);
@@ -217,7 +222,10 @@ fn bits_stand_alone(registers: &[RegisterFile], problems: &mut Vec<Problem>) {
         let problem = access.location.problem("bits of trips must be readable");
         problems.push(problem.right("a register that the documents show being read"));
     }
-    if let Some((_, other)) = with_role(&[Role::TripCode, Role::TripCause], registers) {
+    if let Some((_, other)) = with_role(
+        &[RegisterRole::TripCode, RegisterRole::TripCause],
+        registers,
+    ) {
         let problem = role
             .location
             .problem(format!("{} says which trip is active", other.location.key));

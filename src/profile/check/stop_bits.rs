@@ -4,7 +4,7 @@ use super::run_word::{bits_are_declared, declared, orders_one_thing};
 use crate::domain::problem::Problem;
 use crate::profile::file::{FormWord, RunFile};
 use crate::profile::model::OrderKind;
-use crate::toml_file::Spanned;
+use crate::toml_file::LocatedValue;
 
 pub(super) fn check(run: &RunFile, problems: &mut Vec<Problem>) {
     let (keep, drop) = (run.places.keep.as_ref(), run.places.drop.as_ref());
@@ -65,7 +65,7 @@ pub(super) fn check(run: &RunFile, problems: &mut Vec<Problem>) {
             );
             continue;
         }
-        let word = Spanned {
+        let word = LocatedValue {
             value,
             location: keep.location.clone(),
         };

@@ -1,11 +1,11 @@
 //! The rules for registers that are not holding registers: functions that serve their table, and words of bits.
 
-use crate::domain::address::Table;
+use crate::domain::address::DataTable;
 use crate::domain::problem::Problem;
 use crate::profile::file::{FormWord, ModelFile, RunFile};
-use crate::profile::model::{OrderKind, Role};
+use crate::profile::model::{OrderKind, RegisterRole};
 use crate::profile::register::{RegisterFile, called, read_by, tables_fit, written_by};
-use crate::toml_file::{Location, OptionalKey, Spanned};
+use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     tables_fit(&file.registers, problems);
@@ -19,7 +19,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
 pub(super) fn are_served(
     file: &ModelFile,
     served: &[u8],
-    location: &Location,
+    location: &KeyLocation,
     problems: &mut Vec<Problem>,
 ) {
     let is_in = |table, may: fn(&RegisterFile) -> bool| {
@@ -37,11 +37,11 @@ pub(super) fn are_served(
             .as_ref()
             .is_some_and(|access| access.value.can_write())
     };
-    for table in Table::ALL {
+    for table in DataTable::ALL {
         let function = read_by(table);
         if is_in(table, reads) && !served.contains(&function) {
             let what = match table {
-                Table::Holding => {
+                DataTable::Holding => {
                     "registers are read by function 03, and it is not served".to_owned()
                 }
                 _ => format!(
@@ -60,13 +60,13 @@ pub(super) fn are_served(
             .any(|function| served.contains(function))
     };
     let has_run = matches!(file.run, OptionalKey::Valid(_));
-    let is_holding = is_in(Table::Holding, writes) || !is_in(Table::Coil, writes);
-    if has_run && is_holding && has_none(Table::Holding) {
+    let is_holding = is_in(DataTable::Holding, writes) || !is_in(DataTable::Coil, writes);
+    if has_run && is_holding && has_none(DataTable::Holding) {
         let problem = location
             .problem("run commands are written by function 06 or 10 hex, and neither is served");
         problems.push(problem.right("a list with the one that the manual names, or no `[run]`"));
     }
-    if is_in(Table::Coil, writes) && has_none(Table::Coil) {
+    if is_in(DataTable::Coil, writes) && has_none(DataTable::Coil) {
         let problem =
             location.problem("a coil is written by function 05 or 0F hex, and neither is served");
         problems.push(problem.right("a list with the one that the manual names"));
@@ -74,7 +74,7 @@ pub(super) fn are_served(
 }
 
 /// The table of the register called `name`, if it holds bits. That it is there is checked elsewhere.
-fn of_bits(name: &str, registers: &[RegisterFile]) -> Option<Table> {
+fn of_bits(name: &str, registers: &[RegisterFile]) -> Option<DataTable> {
     let register = registers
         .iter()
         .find(|register| register.name() == Some(name))?;
@@ -84,8 +84,8 @@ fn of_bits(name: &str, registers: &[RegisterFile]) -> Option<Table> {
 /// The words and the mask of a condition on a bit.
 fn is_a_bit<'f>(
     name: Option<&str>,
-    mask: Option<&Spanned<u16>>,
-    words: impl IntoIterator<Item = &'f Spanned<u16>>,
+    mask: Option<&LocatedValue<u16>>,
+    words: impl IntoIterator<Item = &'f LocatedValue<u16>>,
     registers: &[RegisterFile],
     problems: &mut Vec<Problem>,
 ) {
@@ -109,7 +109,7 @@ fn is_a_bit<'f>(
 /// Flags, settings, the identity and the conditions of a start compare a bit with 0 or 1.
 fn conditions_are_of_bits(file: &ModelFile, problems: &mut Vec<Problem>) {
     let all = &file.registers;
-    let name = |name: &Option<Spanned<String>>| name.as_ref().map(|name| name.value.clone());
+    let name = |name: &Option<LocatedValue<String>>| name.as_ref().map(|name| name.value.clone());
     for status in &file.status {
         let words = status.values.iter().flat_map(|words| &words.value);
         is_a_bit(
@@ -179,17 +179,17 @@ fn orders_are_of_bits(run: &RunFile, registers: &[RegisterFile], problems: &mut 
     let own = registers.iter().find(|it| {
         it.role
             .valid()
-            .is_some_and(|role| role.value == Role::RunCommand)
+            .is_some_and(|role| role.value == RegisterRole::RunCommand)
     });
     let own = own.and_then(RegisterFile::name);
-    if let (Some(form), Some(Table::Coil)) =
+    if let (Some(form), Some(DataTable::Coil)) =
         (&run.form, own.and_then(|own| of_bits(own, registers)))
         && form.value == FormWord::Bits
     {
         let problem = form.location.problem("a coil has one bit");
         problems.push(problem.right("\"values\", with the orders 0 and 1"));
     }
-    let mut takes = |name: Option<&str>, words: &mut dyn Iterator<Item = &Spanned<u16>>| {
+    let mut takes = |name: Option<&str>, words: &mut dyn Iterator<Item = &LocatedValue<u16>>| {
         is_a_bit(name, None, words, registers, problems);
     };
     for (kind, word) in run.words() {

@@ -4,38 +4,38 @@ use super::keys::readable;
 use crate::domain::problem::Problem;
 use crate::domain::units::UnitOfMeasure;
 use crate::profile::file::ModelFile;
-use crate::profile::model::{Access, FactPart, Role};
+use crate::profile::model::{FactPart, RegisterAccess, RegisterRole};
 use crate::profile::register::{CONFIGURED, RegisterFile};
-use crate::toml_file::{Location, OptionalKey, Spanned};
+use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
 use crate::wire::pdu::function;
 
 /// Roles whose registers hold a code, a count or a time that the gateway uses as it is.
-const WORDS: [Role; 13] = [
-    Role::RunCommand,
-    Role::Order,
-    Role::RunSource,
-    Role::FrequencySource,
-    Role::TripCount,
-    Role::TripCode,
-    Role::TripBits,
-    Role::TripCause,
-    Role::TripHistory,
-    Role::WarningCode,
-    Role::WarningBits,
-    Role::AccelerationTime,
-    Role::DecelerationTime,
+const WORDS: [RegisterRole; 13] = [
+    RegisterRole::RunCommand,
+    RegisterRole::Order,
+    RegisterRole::RunSource,
+    RegisterRole::FrequencySource,
+    RegisterRole::TripCount,
+    RegisterRole::TripCode,
+    RegisterRole::TripBits,
+    RegisterRole::TripCause,
+    RegisterRole::TripHistory,
+    RegisterRole::WarningCode,
+    RegisterRole::WarningBits,
+    RegisterRole::AccelerationTime,
+    RegisterRole::DecelerationTime,
 ];
 /// Roles of [`WORDS`] that may be a field of a word.
-const FIELDS: [Role; 6] = [
-    Role::TripCode,
-    Role::TripBits,
-    Role::TripCause,
-    Role::TripHistory,
-    Role::WarningCode,
-    Role::WarningBits,
+const FIELDS: [RegisterRole; 6] = [
+    RegisterRole::TripCode,
+    RegisterRole::TripBits,
+    RegisterRole::TripCause,
+    RegisterRole::TripHistory,
+    RegisterRole::WarningCode,
+    RegisterRole::WarningBits,
 ];
 /// Roles of [`WORDS`] that may be two words: bits alone.
-const PAIRS: [Role; 2] = [Role::TripBits, Role::WarningBits];
+const PAIRS: [RegisterRole; 2] = [RegisterRole::TripBits, RegisterRole::WarningBits];
 /// Widest exponent in bits: larger powers of ten than 10^7 are nowhere.
 const EXPONENT_BITS: u32 = 3;
 
@@ -54,7 +54,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
 }
 
 fn tell(
-    location: &Location,
+    location: &KeyLocation,
     what: impl Into<String>,
     right: impl Into<String>,
     problems: &mut Vec<Problem>,
@@ -62,14 +62,15 @@ fn tell(
     problems.push(location.problem(what).right(right));
 }
 
-fn role(register: &RegisterFile) -> Option<Role> {
+fn role(register: &RegisterFile) -> Option<RegisterRole> {
     register.role.valid().map(|role| role.value)
 }
 
 /// Two words have an order, and are read in one frame.
 fn words_fit(register: &RegisterFile, file: &ModelFile, problems: &mut Vec<Problem>) {
     let form = &register.form;
-    let Some(Spanned { location, .. }) = form.words.valid().filter(|words| words.value == 2) else {
+    let Some(LocatedValue { location, .. }) = form.words.valid().filter(|words| words.value == 2)
+    else {
         if let Some(order) = form.word_order.valid() {
             tell(
                 &order.location,
@@ -195,7 +196,7 @@ fn parts_are_only_read(register: &RegisterFile, file: &ModelFile, problems: &mut
     let written = register
         .access
         .as_ref()
-        .filter(|access| is_more && access.value != Access::Read);
+        .filter(|access| is_more && access.value != RegisterAccess::Read);
     if let Some(access) = written {
         let what = "a field, a sum or a scale from elsewhere can only be read";
         tell(&access.location, what, "\"read\"", problems);
@@ -225,7 +226,7 @@ fn pair_is_written_whole(register: &RegisterFile, file: &ModelFile, problems: &m
         .scale
         .valid()
         .is_some_and(|scale| scale.value.per != 1);
-    let is_setpoint = role(register) == Some(Role::FrequencyCommand);
+    let is_setpoint = role(register) == Some(RegisterRole::FrequencyCommand);
     let has_sign = is_setpoint && register.signed.or(false) == Some(true);
     if has_sign || has_ratio || register.form.full_scale.valid().is_some() {
         let what = match is_setpoint {
@@ -243,11 +244,11 @@ fn pair_is_written_whole(register: &RegisterFile, file: &ModelFile, problems: &m
 
 /// A full scale comes from readable registers in the same unit, or from the configuration.
 fn full_scale_is_known(register: &RegisterFile, file: &ModelFile, problems: &mut Vec<Problem>) {
-    let Some(Spanned { value: scale, .. }) = register.form.full_scale.valid() else {
+    let Some(LocatedValue { value: scale, .. }) = register.form.full_scale.valid() else {
         return;
     };
     if let Some(from) = scale.from.valid()
-        && role(register) == Some(Role::OutputFrequency)
+        && role(register) == Some(RegisterRole::OutputFrequency)
     {
         tell(
             &from.location,
@@ -313,7 +314,7 @@ fn scale_is_known(register: &RegisterFile, file: &ModelFile, problems: &mut Vec<
 /// The register called `name`, on which the value of `register` depends: another one that is one word or a field of it.
 fn basis<'f>(
     register: &RegisterFile,
-    name: &Spanned<String>,
+    name: &LocatedValue<String>,
     file: &'f ModelFile,
     problems: &mut Vec<Problem>,
 ) -> Option<&'f RegisterFile> {
@@ -347,9 +348,9 @@ fn sign_means_a_direction(register: &RegisterFile, problems: &mut Vec<Problem>) 
         return;
     };
     let shows = [
-        Role::OutputFrequency,
-        Role::FrequencyCommand,
-        Role::FrequencySetting,
+        RegisterRole::OutputFrequency,
+        RegisterRole::FrequencyCommand,
+        RegisterRole::FrequencySetting,
     ];
     if !role(register).is_some_and(|role| shows.contains(&role)) {
         let right = "leave it out, or role \"output-frequency\", \"frequency-command\" or \"frequency-setting\"";
@@ -385,7 +386,7 @@ fn sign_in_doubt_is_read(register: &RegisterFile, problems: &mut Vec<Problem>) {
         .access
         .as_ref()
         .is_none_or(|access| access.value.can_read());
-    let is_output = role(register) == Some(Role::OutputFrequency);
+    let is_output = role(register) == Some(RegisterRole::OutputFrequency);
     if is_read && register.signed.or(false) == Some(false) {
         let what = "a negative number would be shown as a large positive one";
         tell(

@@ -4,7 +4,7 @@ use super::keys::{is_polled, with_role};
 use super::status::{bits_are_there, codes_differ};
 use crate::domain::problem::Problem;
 use crate::profile::file::ModelFile;
-use crate::profile::model::Role;
+use crate::profile::model::RegisterRole;
 use crate::toml_file::OptionalKey;
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
@@ -15,9 +15,14 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
         |code| format!("warning bit {}", code.saturating_sub(1)),
         problems,
     );
-    bits_are_there(&file.warnings, Role::WarningBits, &file.registers, problems);
-    let code = with_role(&[Role::WarningCode], &file.registers);
-    let bits = with_role(&[Role::WarningBits], &file.registers);
+    bits_are_there(
+        &file.warnings,
+        RegisterRole::WarningBits,
+        &file.registers,
+        problems,
+    );
+    let code = with_role(&[RegisterRole::WarningCode], &file.registers);
+    let bits = with_role(&[RegisterRole::WarningBits], &file.registers);
     for (register, role) in code.into_iter().chain(bits) {
         is_polled(register, role, "warnings", problems);
     }

@@ -1,16 +1,19 @@
 //! `[codes]`: how the vendor's codes map to addresses.
 
-use super::facts::{Facts, Origin, fact};
+use super::facts::{FactReader, Origin, fact};
 use crate::domain::problem::Problem;
 use crate::profile::model::CodeRule;
-use crate::toml_file::values::Kind;
-use crate::toml_file::{Location, OptionalKey, Reader, Section, Spanned};
+use crate::toml_file::values::ValueKind;
+use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey, TableReader, TomlSection};
 
 /// Values of `form`.
-const FORMS: [(&str, Form); 2] = [("hexadecimal", Form::Hexadecimal), ("linear", Form::Linear)];
+const FORMS: [(&str, CodeForm); 2] = [
+    ("hexadecimal", CodeForm::Hexadecimal),
+    ("linear", CodeForm::Linear),
+];
 
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Form {
+enum CodeForm {
     Hexadecimal,
     Linear,
 }
@@ -37,20 +40,22 @@ enum CodesForm {
 }
 
 impl CodesFile {
-    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
         let groups = reader.table("groups");
         let ends = reader.table("ends");
-        let form = reader.optional("form", &Kind::one_of(&FORMS));
+        let form = reader.optional("form", &ValueKind::one_of(&FORMS));
         let separator = reader.optional(
             "separator",
-            &Kind::parsed("text", |text| Some(text.to_owned())),
+            &ValueKind::parsed("text", |text| Some(text.to_owned())),
         );
-        let distance = Kind::number(1..=10_000_i32);
+        let distance = ValueKind::number(1..=10_000_i32);
         let group = reader.optional("group", &distance);
         let number = reader.optional("number", &distance);
-        let offset = reader.optional("offset", &Kind::number(-50_000..=50_000_i32));
+        let offset = reader.optional("offset", &ValueKind::number(-50_000..=50_000_i32));
         let location = reader.location().clone();
-        let is_linear = form.valid().is_some_and(|form| form.value == Form::Linear);
+        let is_linear = form
+            .valid()
+            .is_some_and(|form| form.value == CodeForm::Linear);
         if !is_linear {
             for (key, given) in [("group", &group), ("number", &number), ("offset", &offset)] {
                 linear_only(key, given, reader.problems());
@@ -79,7 +84,7 @@ impl CodesFile {
             }
             (OptionalKey::Absent, OptionalKey::Valid(_)) => {
                 no_separator(&separator, reader.problems());
-                if let OptionalKey::Valid(Spanned { location, .. }) = &ends {
+                if let OptionalKey::Valid(LocatedValue { location, .. }) = &ends {
                     reader.problems().push(
                         location
                             .problem("`ends` applies to `groups` only")
@@ -134,7 +139,7 @@ impl CodesFile {
     }
 }
 
-fn read_groups(mut reader: Reader<'_, '_>) -> Vec<(String, u8)> {
+fn read_groups(mut reader: TableReader<'_, '_>) -> Vec<(String, u8)> {
     let location = reader.location().clone();
     if reader.is_empty() {
         reader.problems().push(
@@ -143,7 +148,7 @@ fn read_groups(mut reader: Reader<'_, '_>) -> Vec<(String, u8)> {
                 .right("at least one group with its high byte"),
         );
     }
-    let groups = reader.all(&Kind::number(0..=u8::MAX));
+    let groups = reader.all(&ValueKind::number(0..=u8::MAX));
     groups
         .into_iter()
         .map(|(name, byte)| (name, byte.value))
@@ -152,14 +157,14 @@ fn read_groups(mut reader: Reader<'_, '_>) -> Vec<(String, u8)> {
 
 /// The last number of each group that ends early; each must be one of `groups`.
 fn read_ends<'a>(
-    ends: OptionalKey<Section<'a>>,
+    ends: OptionalKey<TomlSection<'a>>,
     groups: &[(String, u8)],
-    reader: &mut Reader<'a, '_>,
+    reader: &mut TableReader<'a, '_>,
 ) -> Vec<(String, u8)> {
-    let OptionalKey::Valid(Spanned { value: section, .. }) = ends else {
+    let OptionalKey::Valid(LocatedValue { value: section, .. }) = ends else {
         return Vec::new();
     };
-    let ends = reader.open(section).all(&Kind::number(0..=u8::MAX));
+    let ends = reader.open(section).all(&ValueKind::number(0..=u8::MAX));
     for (name, end) in &ends {
         if !groups.iter().any(|(group, _)| group == name) {
             let problem = end.location.problem(format!("there is no group `{name}`"));
@@ -172,7 +177,7 @@ fn read_ends<'a>(
 }
 
 fn no_separator(separator: &OptionalKey<String>, problems: &mut Vec<Problem>) {
-    if let OptionalKey::Valid(Spanned { location, .. }) = separator {
+    if let OptionalKey::Valid(LocatedValue { location, .. }) = separator {
         problems.push(
             location
                 .problem("`separator` applies to `groups` only")
@@ -183,7 +188,7 @@ fn no_separator(separator: &OptionalKey<String>, problems: &mut Vec<Problem>) {
 
 /// `given` has no effect here: it belongs to a linear rule with groups.
 fn linear_only(key: &str, given: &OptionalKey<i32>, problems: &mut Vec<Problem>) {
-    if let OptionalKey::Valid(Spanned { location, .. }) = given {
+    if let OptionalKey::Valid(LocatedValue { location, .. }) = given {
         let what = format!("`{key}` applies to `form = \"linear\"` only");
         let what = if key == "group" {
             format!("{what}, with a `separator`")
@@ -194,7 +199,7 @@ fn linear_only(key: &str, given: &OptionalKey<i32>, problems: &mut Vec<Problem>)
     }
 }
 
-fn no_form(location: &Location, what: &str, problems: &mut Vec<Problem>) -> Option<CodesForm> {
+fn no_form(location: &KeyLocation, what: &str, problems: &mut Vec<Problem>) -> Option<CodesForm> {
     problems.push(
         location
             .problem(what)

@@ -1,10 +1,10 @@
 //! `[commit]`: the words by which a drive takes over or stores what was written to its parameters.
 
-use super::facts::{Facts, Origin, fact};
-use crate::profile::model::{Commit, CommitEffect, CommitWord, Fact};
+use super::facts::{FactReader, Origin, fact};
+use crate::profile::model::{CommitEffect, CommitWord, CommitWords, Fact};
 use crate::profile::register::{RegisterFile, address_of};
-use crate::toml_file::values::Kind;
-use crate::toml_file::{Location, OptionalKey, Reader, RequiredKey};
+use crate::toml_file::values::ValueKind;
+use crate::toml_file::{KeyLocation, OptionalKey, RequiredKey, TableReader};
 
 /// `[commit]`
 pub(in crate::profile) struct CommitFile {
@@ -14,7 +14,7 @@ pub(in crate::profile) struct CommitFile {
 
 /// `[commit.apply]` or `[commit.store]`
 pub(in crate::profile) struct CommitWordFile {
-    pub location: Location,
+    pub location: KeyLocation,
     pub register: RequiredKey<String>,
     pub value: RequiredKey<u16>,
     at_standstill: OptionalKey<bool>,
@@ -22,7 +22,7 @@ pub(in crate::profile) struct CommitWordFile {
 }
 
 impl CommitFile {
-    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
         let commit = Self {
             apply: super::given(&mut reader, "apply", facts, CommitWordFile::read),
             store: super::given(&mut reader, "store", facts, CommitWordFile::read),
@@ -40,8 +40,8 @@ impl CommitFile {
     }
 
     /// `None` if any part is unusable.
-    pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<Commit> {
-        Some(Commit {
+    pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<CommitWords> {
+        Some(CommitWords {
             apply: super::made(&self.apply, |it| it.ready(CommitEffect::Apply, registers))?,
             store: super::made(&self.store, |it| it.ready(CommitEffect::Store, registers))?,
         })
@@ -49,12 +49,12 @@ impl CommitFile {
 }
 
 impl CommitWordFile {
-    fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+    fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
         let word = Self {
             location: reader.location().clone(),
-            register: reader.required("register", &Kind::text()),
-            value: reader.required("value", &Kind::number(0..=u16::MAX)),
-            at_standstill: reader.optional("at_standstill", &Kind::flag()),
+            register: reader.required("register", &ValueKind::text()),
+            value: reader.required("value", &ValueKind::number(0..=u16::MAX)),
+            at_standstill: reader.optional("at_standstill", &ValueKind::flag()),
             origin: facts.origin(&mut reader),
         };
         reader.finish();

@@ -2,27 +2,27 @@
 
 use super::facts::filled_with;
 use crate::domain::problem::Problem;
-use crate::profile::model::{Confidence, Document, DocumentKind};
+use crate::profile::model::{Confidence, DocumentKind, ModelDocument};
 use crate::profile::words::DOCUMENT_KINDS;
-use crate::toml_file::values::Kind;
-use crate::toml_file::{Entry, OptionalKey, Reader, RequiredKey, Spanned};
+use crate::toml_file::values::ValueKind;
+use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader, TomlEntry};
 use std::collections::BTreeSet;
 
 /// The documents of a file, each under its short name.
-pub(in crate::profile) struct DocumentsFile(Vec<(String, Option<Document>)>);
+pub(in crate::profile) struct DocumentsFile(Vec<(String, Option<ModelDocument>)>);
 
 impl DocumentsFile {
     /// Reads `[documents]`: each short name maps to a title, for a manual of this very model, or to a table with further
     /// keys.
-    pub(in crate::profile) fn read(mut reader: Reader<'_, '_>) -> Self {
+    pub(in crate::profile) fn read(mut reader: TableReader<'_, '_>) -> Self {
         let mut documents = Vec::new();
         let mut made_from = Vec::new();
-        for (name, entry) in reader.entries(&Kind::text()) {
+        for (name, entry) in reader.entries(&ValueKind::text()) {
             let document = match entry {
-                Entry::Value(title) => {
+                TomlEntry::Value(title) => {
                     let kind = DocumentKind::Manual;
                     let title = title.value;
-                    Some(Document {
+                    Some(ModelDocument {
                         name: name.clone(),
                         title,
                         kind,
@@ -30,7 +30,7 @@ impl DocumentsFile {
                         made_from: None,
                     })
                 }
-                Entry::Table(section) => document(&name, reader.open(section), &mut made_from),
+                TomlEntry::Table(section) => document(&name, reader.open(section), &mut made_from),
             };
             documents.push((name, document));
         }
@@ -62,7 +62,7 @@ impl DocumentsFile {
     /// What to report where no document is of the model `id` and the facts of `claims` claim more than that supports.
     pub(super) fn without_document(
         &self,
-        id: &Spanned<String>,
+        id: &LocatedValue<String>,
         claims: Vec<Problem>,
     ) -> Vec<Problem> {
         if claims.len() < 2 {
@@ -98,7 +98,7 @@ impl DocumentsFile {
     }
 
     /// The document called `name`: `None` if there is none, `Some(None)` if it is unusable.
-    pub(in crate::profile) fn find(&self, name: &str) -> Option<Option<&Document>> {
+    pub(in crate::profile) fn find(&self, name: &str) -> Option<Option<&ModelDocument>> {
         self.0
             .iter()
             .find(|(it, _)| it == name)
@@ -110,7 +110,7 @@ impl DocumentsFile {
     }
 
     /// `None` if any of them is unusable.
-    pub(super) fn ready(&self) -> Option<Vec<Document>> {
+    pub(super) fn ready(&self) -> Option<Vec<ModelDocument>> {
         self.0
             .iter()
             .map(|(_, document)| document.clone())
@@ -120,17 +120,18 @@ impl DocumentsFile {
 
 fn document(
     name: &str,
-    mut reader: Reader<'_, '_>,
-    all_from: &mut Vec<Spanned<String>>,
-) -> Option<Document> {
-    let title = reader.required("title", &Kind::text());
-    let kind: RequiredKey<DocumentKind> = reader.required("kind", &Kind::one_of(&DOCUMENT_KINDS));
-    let of = match reader.list("of", &Kind::text()) {
-        OptionalKey::Valid(of) => filled_with(of, &Kind::text(), reader.problems())
+    mut reader: TableReader<'_, '_>,
+    all_from: &mut Vec<LocatedValue<String>>,
+) -> Option<ModelDocument> {
+    let title = reader.required("title", &ValueKind::text());
+    let kind: RequiredKey<DocumentKind> =
+        reader.required("kind", &ValueKind::one_of(&DOCUMENT_KINDS));
+    let of = match reader.list("of", &ValueKind::text()) {
+        OptionalKey::Valid(of) => filled_with(of, &ValueKind::text(), reader.problems())
             .map_or(OptionalKey::Invalid, OptionalKey::Valid),
         other => other,
     };
-    let made_from = reader.optional("made_from", &Kind::text());
+    let made_from = reader.optional("made_from", &ValueKind::text());
     all_from.extend(made_from.valid().cloned());
     reader.finish();
     let made_from = made_from.optional()?;
@@ -140,7 +141,7 @@ fn document(
         .into_iter()
         .map(|it| it.value)
         .collect();
-    Some(Document {
+    Some(ModelDocument {
         name: name.to_owned(),
         title: title?.value,
         kind: kind?.value,
@@ -150,12 +151,12 @@ fn document(
 }
 
 /// A description of `document`, and the best confidence it supports for facts of the model `id`.
-pub(super) fn at_best(document: &Document, id: &str) -> (String, Confidence) {
+pub(super) fn at_best(document: &ModelDocument, id: &str) -> (String, Confidence) {
     let article = match document.kind {
         DocumentKind::Addendum => "an",
         _ => "a",
     };
-    let kind = format!("{article} {}", document.kind.word());
+    let kind = format!("{article} {}", document.kind.keyword());
     let best = document.best(id);
     let of = if document.is_of(id) {
         "this model".to_owned()

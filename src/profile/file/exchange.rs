@@ -1,15 +1,15 @@
 //! `[read]`, `[write]` and `[[barrier]]`: the limits of one exchange, and exchanges that rule out late replies.
 
-use super::facts::{FactFile, Facts, Origin, fact, optional, whole};
-use crate::domain::address::{Address, Table};
+use super::facts::{FactFile, FactReader, Origin, fact, optional, whole};
+use crate::domain::address::{Address, DataTable};
 use crate::domain::problem::Problem;
 use crate::profile::model::{
-    Barrier, BarrierRead, BlockWrite, Boundary, Fact, Holes, ReadArea, ReadLimits, RefusedWrite,
-    WriteRules,
+    Barrier, BarrierRead, BlockWrite, Fact, ReadArea, ReadBoundary, ReadHoles, ReadLimits,
+    RefusedWrite, WriteRules,
 };
 use crate::profile::words::{BOUNDARIES, HOLES, REFUSED_WRITES, TABLES};
-use crate::toml_file::values::Kind;
-use crate::toml_file::{Location, OptionalKey, Reader, RequiredKey};
+use crate::toml_file::values::ValueKind;
+use crate::toml_file::{KeyLocation, OptionalKey, RequiredKey, TableReader};
 
 /// Maximum number of words in one read.
 const READ_WORDS_MAX: u16 = 125;
@@ -21,24 +21,24 @@ pub(in crate::profile) struct ReadFile {
     pub max_words: FactFile<u16>,
     pub max_words_ascii: Option<FactFile<u16>>,
     pub max_bytes: Option<FactFile<u16>>,
-    boundary: OptionalKey<Boundary>,
-    holes: Option<FactFile<Holes>>,
+    boundary: OptionalKey<ReadBoundary>,
+    holes: Option<FactFile<ReadHoles>>,
     pub areas: Vec<AreaFile>,
 }
 
 impl ReadFile {
-    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
-        let words = Kind::number(1..=READ_WORDS_MAX);
+    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
+        let words = ValueKind::number(1..=READ_WORDS_MAX);
         let read = Self {
             max_words: facts.value(&mut reader, "max_words", &words),
             max_words_ascii: facts.optional_value(&mut reader, "max_words_ascii", &words),
             max_bytes: facts.optional_value(
                 &mut reader,
                 "max_bytes",
-                &Kind::number(LEAST_FRAME..=256_u16),
+                &ValueKind::number(LEAST_FRAME..=256_u16),
             ),
-            boundary: reader.optional("boundary", &Kind::one_of(&BOUNDARIES)),
-            holes: facts.optional_value(&mut reader, "holes", &Kind::one_of(&HOLES)),
+            boundary: reader.optional("boundary", &ValueKind::one_of(&BOUNDARIES)),
+            holes: facts.optional_value(&mut reader, "holes", &ValueKind::one_of(&HOLES)),
             areas: reader
                 .tables("area")
                 .into_iter()
@@ -98,7 +98,7 @@ const fn words_in(bytes: u16) -> u16 {
 
 /// One of `[[read.area]]`
 pub(in crate::profile) struct AreaFile {
-    pub table: OptionalKey<Table>,
+    pub table: OptionalKey<DataTable>,
     pub from: RequiredKey<u16>,
     pub to: RequiredKey<u16>,
     max_words: RequiredKey<u16>,
@@ -106,12 +106,12 @@ pub(in crate::profile) struct AreaFile {
 }
 
 impl AreaFile {
-    fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+    fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
         let area = Self {
-            table: reader.optional("table", &Kind::one_of(&TABLES)),
-            from: reader.required("from", &Kind::address()),
-            to: reader.required("to", &Kind::address()),
-            max_words: reader.required("max_words", &Kind::number(1..=READ_WORDS_MAX)),
+            table: reader.optional("table", &ValueKind::one_of(&TABLES)),
+            from: reader.required("from", &ValueKind::address()),
+            to: reader.required("to", &ValueKind::address()),
+            max_words: reader.required("max_words", &ValueKind::number(1..=READ_WORDS_MAX)),
             origin: facts.origin(&mut reader),
         };
         reader.finish();
@@ -121,7 +121,7 @@ impl AreaFile {
     /// `None` if any part is unusable.
     fn ready(&self) -> Option<ReadArea> {
         Some(ReadArea {
-            table: self.table.or(Table::Holding)?,
+            table: self.table.or(DataTable::Holding)?,
             from: self.from.as_ref()?.value,
             to: self.to.as_ref()?.value,
             max_words: fact(self.max_words.as_ref()?.value, self.origin.as_ref())?,
@@ -136,12 +136,12 @@ pub(in crate::profile) struct WriteFile {
 }
 
 impl WriteFile {
-    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
-        let block = |reader: &mut Reader<'_, '_>| {
+    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
+        let block = |reader: &mut TableReader<'_, '_>| {
             whole(reader, |reader| BlockFile::read(reader, BLOCK_WORDS_MAX))
         };
         let write = Self {
-            refused: facts.value(&mut reader, "refused", &Kind::one_of(&REFUSED_WRITES)),
+            refused: facts.value(&mut reader, "refused", &ValueKind::one_of(&REFUSED_WRITES)),
             block: facts.optional(&mut reader, "block", block),
         };
         reader.finish();
@@ -166,24 +166,24 @@ impl WriteFile {
 
 /// Consecutive registers: `{ address = 0x0101, count = 2 }`
 pub(in crate::profile) struct BlockFile {
-    pub table: OptionalKey<Table>,
+    pub table: OptionalKey<DataTable>,
     pub address: RequiredKey<u16>,
     pub count: RequiredKey<u16>,
 }
 
 impl BlockFile {
-    fn read(reader: &mut Reader<'_, '_>, most: u16) -> Self {
+    fn read(reader: &mut TableReader<'_, '_>, most: u16) -> Self {
         Self {
-            table: reader.optional("table", &Kind::one_of(&TABLES)),
-            address: reader.required("address", &Kind::address()),
-            count: reader.required("count", &Kind::number(1..=most)),
+            table: reader.optional("table", &ValueKind::one_of(&TABLES)),
+            address: reader.required("address", &ValueKind::address()),
+            count: reader.required("count", &ValueKind::number(1..=most)),
         }
     }
 
     /// The first address; `None` if it is unusable.
     pub fn first(&self) -> Option<Address> {
         Some(Address::new(
-            self.table.or(Table::Holding)?,
+            self.table.or(DataTable::Holding)?,
             self.address.as_ref()?.value,
         ))
     }
@@ -191,7 +191,7 @@ impl BlockFile {
 
 /// One of `[[barrier]]`
 pub(in crate::profile) struct BarrierFile {
-    pub location: Location,
+    pub location: KeyLocation,
     /// `None` if it has no valid form, which is already reported.
     pub form: Option<BarrierForm>,
 }
@@ -204,7 +204,7 @@ pub(in crate::profile) enum BarrierForm {
 }
 
 impl BarrierFile {
-    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
         let read = match reader.table("read") {
             OptionalKey::Absent => None,
             OptionalKey::Invalid => Some(BlockFile {
@@ -220,8 +220,11 @@ impl BarrierFile {
             }
         };
         let loop_test = facts.switch(&mut reader, "loop_test");
-        let refused =
-            facts.optional_value(&mut reader, "refused_function", &Kind::number(1..=127_u8));
+        let refused = facts.optional_value(
+            &mut reader,
+            "refused_function",
+            &ValueKind::number(1..=127_u8),
+        );
         let location = reader.location().clone();
         let form = match (read, loop_test, refused) {
             (Some(read), None, None) => Some(BarrierForm::Read(read)),
@@ -247,7 +250,7 @@ impl BarrierFile {
     }
 }
 
-fn no_form(location: &Location, what: &str, problems: &mut Vec<Problem>) -> Option<BarrierForm> {
+fn no_form(location: &KeyLocation, what: &str, problems: &mut Vec<Problem>) -> Option<BarrierForm> {
     problems.push(
         location
             .problem(what)

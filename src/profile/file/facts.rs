@@ -3,10 +3,10 @@
 use super::documents::{DocumentsFile, at_best};
 use crate::domain::problem::Problem;
 use crate::profile::like::row_of;
-use crate::profile::model::{Confidence, Document, Fact, SecondSource};
+use crate::profile::model::{Confidence, Fact, ModelDocument, SecondSource};
 use crate::profile::words::CONFIDENCES;
-use crate::toml_file::values::Kind;
-use crate::toml_file::{OptionalKey, Reader, RequiredKey, Section, Spanned};
+use crate::toml_file::values::ValueKind;
+use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader, TomlSection};
 use std::cell::RefCell;
 
 /// Confidence and source of a fact.
@@ -54,7 +54,7 @@ pub(super) fn optional<T: Clone>(fact: Option<&FactFile<T>>) -> Option<Option<Fa
 }
 
 /// Reads facts; checks that each cites a document, and claims no more confidence than the document supports.
-pub(super) struct Facts<'d> {
+pub(super) struct FactReader<'d> {
     /// `None`: the documents are unusable, so sources cannot be checked.
     pub documents: Option<&'d DocumentsFile>,
     /// The model's identifier, if usable: what a document proves depends on which models it covers.
@@ -68,13 +68,13 @@ pub(super) struct Facts<'d> {
     pub without_document: &'d RefCell<Vec<Problem>>,
 }
 
-impl Facts<'_> {
+impl FactReader<'_> {
     /// The fact `key`, with its value under `value`.
     pub fn value<T>(
         &self,
-        reader: &mut Reader<'_, '_>,
+        reader: &mut TableReader<'_, '_>,
         key: &'static str,
-        kind: &Kind<'_, T>,
+        kind: &ValueKind<'_, T>,
     ) -> FactFile<T> {
         self.needed(reader, key, |reader| reader.required("value", kind))
     }
@@ -82,24 +82,28 @@ impl Facts<'_> {
     /// The fact `key`, with its value under `value`; `None` if it is left out.
     pub fn optional_value<T>(
         &self,
-        reader: &mut Reader<'_, '_>,
+        reader: &mut TableReader<'_, '_>,
         key: &'static str,
-        kind: &Kind<'_, T>,
+        kind: &ValueKind<'_, T>,
     ) -> Option<FactFile<T>> {
         self.optional(reader, key, |reader| reader.required("value", kind))
     }
 
     /// The fact `key`, whose presence is its only content; `None` if it is left out.
-    pub fn switch(&self, reader: &mut Reader<'_, '_>, key: &'static str) -> Option<FactFile<()>> {
+    pub fn switch(
+        &self,
+        reader: &mut TableReader<'_, '_>,
+        key: &'static str,
+    ) -> Option<FactFile<()>> {
         self.optional(reader, key, |reader| whole(reader, |_| ()))
     }
 
     /// The fact `key`, whose value is a list under `value`.
     pub fn list<T>(
         &self,
-        reader: &mut Reader<'_, '_>,
+        reader: &mut TableReader<'_, '_>,
         key: &'static str,
-        kind: &Kind<'_, T>,
+        kind: &ValueKind<'_, T>,
     ) -> FactFile<Vec<T>> {
         self.needed(reader, key, |reader| filled_list(reader, "value", kind))
     }
@@ -107,9 +111,9 @@ impl Facts<'_> {
     /// The fact `key`; `value` reads its value from the table.
     pub fn needed<T>(
         &self,
-        reader: &mut Reader<'_, '_>,
+        reader: &mut TableReader<'_, '_>,
         key: &'static str,
-        value: impl FnOnce(&mut Reader<'_, '_>) -> RequiredKey<T>,
+        value: impl FnOnce(&mut TableReader<'_, '_>) -> RequiredKey<T>,
     ) -> FactFile<T> {
         match reader.required_table(key) {
             None => FactFile::UNUSABLE,
@@ -120,9 +124,9 @@ impl Facts<'_> {
     /// Like [`Self::needed`]; `None` if it is left out.
     pub fn optional<T>(
         &self,
-        reader: &mut Reader<'_, '_>,
+        reader: &mut TableReader<'_, '_>,
         key: &'static str,
-        value: impl FnOnce(&mut Reader<'_, '_>) -> RequiredKey<T>,
+        value: impl FnOnce(&mut TableReader<'_, '_>) -> RequiredKey<T>,
     ) -> Option<FactFile<T>> {
         match reader.table(key) {
             OptionalKey::Absent => None,
@@ -134,8 +138,8 @@ impl Facts<'_> {
     /// The fact that `reader` holds; `value` reads its value.
     pub fn fact<T>(
         &self,
-        mut reader: Reader<'_, '_>,
-        value: impl FnOnce(&mut Reader<'_, '_>) -> RequiredKey<T>,
+        mut reader: TableReader<'_, '_>,
+        value: impl FnOnce(&mut TableReader<'_, '_>) -> RequiredKey<T>,
     ) -> FactFile<T> {
         let fact = FactFile {
             value: value(&mut reader),
@@ -146,13 +150,13 @@ impl Facts<'_> {
     }
 
     /// The keys `confidence` and `source`, which every fact and register has, and `also`, which it may have.
-    pub fn origin(&self, reader: &mut Reader<'_, '_>) -> Option<Origin> {
-        let confidence = reader.required("confidence", &Kind::one_of(&CONFIDENCES));
+    pub fn origin(&self, reader: &mut TableReader<'_, '_>) -> Option<Origin> {
+        let confidence = reader.required("confidence", &ValueKind::one_of(&CONFIDENCES));
         let right = "a document's short name and a place in it, or the reason for a default";
-        let source = reader.required("source", &Kind::parsed(right, filled));
+        let source = reader.required("source", &ValueKind::parsed(right, filled));
         let also = reader.optional(
             "also",
-            &Kind::parsed("another document's short name and a place in it", filled),
+            &ValueKind::parsed("another document's short name and a place in it", filled),
         );
         if let (Some(source), Some(also)) = (&source, also.valid())
             && self.is_second(source, also, confidence.as_ref(), reader.problems())
@@ -173,9 +177,9 @@ impl Facts<'_> {
     /// Whether `also` is a second source beside `source`: a place in a document that is independent of the other one.
     fn is_second(
         &self,
-        source: &Spanned<String>,
-        also: &Spanned<String>,
-        confidence: Option<&Spanned<Confidence>>,
+        source: &LocatedValue<String>,
+        also: &LocatedValue<String>,
+        confidence: Option<&LocatedValue<Confidence>>,
         problems: &mut Vec<Problem>,
     ) -> bool {
         if confidence.is_some_and(|confidence| confidence.value == Confidence::Default) {
@@ -208,7 +212,7 @@ impl Facts<'_> {
         is_second
     }
 
-    fn may_be(&self, confidence: &Spanned<Confidence>, problems: &mut Vec<Problem>) -> bool {
+    fn may_be(&self, confidence: &LocatedValue<Confidence>, problems: &mut Vec<Problem>) -> bool {
         let what = match confidence.value {
             Confidence::Default if !self.defaults => "`default` is allowed for timings only",
             Confidence::Configured => {
@@ -224,8 +228,8 @@ impl Facts<'_> {
     /// Whether `source` cites a place in a document, and that document supports the fact's confidence.
     fn is_cited(
         &self,
-        source: &Spanned<String>,
-        confidence: &Spanned<Confidence>,
+        source: &LocatedValue<String>,
+        confidence: &LocatedValue<Confidence>,
         problems: &mut Vec<Problem>,
     ) -> bool {
         let Some(documents) = self.documents else {
@@ -241,11 +245,11 @@ impl Facts<'_> {
         if confidence.value >= best {
             return true;
         }
-        let word = confidence.value.word();
+        let word = confidence.value.keyword();
         let problem = confidence
             .location
             .problem(format!("the source does not support \"{word}\": {what}"));
-        let problem = problem.right(format!("at best \"{}\", or another source", best.word()));
+        let problem = problem.right(format!("at best \"{}\", or another source", best.keyword()));
         if documents.cover(model) {
             problems.push(problem);
         } else {
@@ -258,9 +262,9 @@ impl Facts<'_> {
 /// The document that `source` cites; `None`: there is none, which is reported. `Some(None)`: it is unusable.
 fn cited<'d>(
     documents: &'d DocumentsFile,
-    source: &Spanned<String>,
+    source: &LocatedValue<String>,
     problems: &mut Vec<Problem>,
-) -> Option<Option<&'d Document>> {
+) -> Option<Option<&'d ModelDocument>> {
     let (name, location) = source.value.split_once(' ').unwrap_or((&source.value, ""));
     let document = if location.is_empty() {
         None
@@ -282,7 +286,7 @@ fn cited<'d>(
 }
 
 /// The fact in `section`, as `without` calls it.
-fn key_of(section: &Section<'_>) -> String {
+fn key_of(section: &TomlSection<'_>) -> String {
     let key = &section.location.key;
     let row = key
         .split_once('[')
@@ -292,11 +296,11 @@ fn key_of(section: &Section<'_>) -> String {
 
 /// A value with several parts beside confidence and source, at the location of its table.
 pub(super) fn whole<T>(
-    reader: &mut Reader<'_, '_>,
-    parts: impl FnOnce(&mut Reader<'_, '_>) -> T,
+    reader: &mut TableReader<'_, '_>,
+    parts: impl FnOnce(&mut TableReader<'_, '_>) -> T,
 ) -> RequiredKey<T> {
     let value = parts(reader);
-    Some(Spanned {
+    Some(LocatedValue {
         value,
         location: reader.location().clone(),
     })
@@ -304,16 +308,16 @@ pub(super) fn whole<T>(
 
 /// A list with at least one element.
 pub(super) fn filled_list<T>(
-    reader: &mut Reader<'_, '_>,
+    reader: &mut TableReader<'_, '_>,
     key: &'static str,
-    kind: &Kind<'_, T>,
+    kind: &ValueKind<'_, T>,
 ) -> RequiredKey<Vec<T>> {
     let list = reader.required_list(key, kind)?;
-    let Spanned {
+    let LocatedValue {
         value: list,
         location,
     } = filled_with(list, kind, reader.problems())?;
-    Some(Spanned {
+    Some(LocatedValue {
         value: list.into_iter().map(|written| written.value).collect(),
         location,
     })
@@ -321,10 +325,10 @@ pub(super) fn filled_list<T>(
 
 /// `list` if it has at least one element.
 pub(super) fn filled_with<T>(
-    list: Spanned<Vec<Spanned<T>>>,
-    kind: &Kind<'_, T>,
+    list: LocatedValue<Vec<LocatedValue<T>>>,
+    kind: &ValueKind<'_, T>,
     problems: &mut Vec<Problem>,
-) -> RequiredKey<Vec<Spanned<T>>> {
+) -> RequiredKey<Vec<LocatedValue<T>>> {
     if list.value.is_empty() {
         problems.push(
             list.location

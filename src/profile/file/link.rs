@@ -1,11 +1,11 @@
 //! `[link]` and `[timing]`: line settings and timing.
 
-use super::facts::{FactFile, Facts, filled, filled_list, optional, whole};
+use super::facts::{FactFile, FactReader, filled, filled_list, optional, whole};
 use crate::domain::link::{Framing, Interface, LinkSettings, Parity};
-use crate::profile::model::{Broadcast, Factory, Link, Timing};
-use crate::toml_file::values::Kind;
+use crate::profile::model::{FactorySetting, ModelBroadcast, ModelLink, ModelTiming};
+use crate::toml_file::values::ValueKind;
 use crate::toml_file::words::{FRAMINGS, INTERFACES, PARITIES};
-use crate::toml_file::{OptionalKey, Reader, RequiredKey};
+use crate::toml_file::{OptionalKey, RequiredKey, TableReader};
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
@@ -29,17 +29,17 @@ pub(in crate::profile) struct LinkFile {
 }
 
 impl LinkFile {
-    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
         let link = Self {
             default: facts.needed(&mut reader, "default", |reader| {
                 whole(reader, DefaultFile::read)
             }),
-            bauds: facts.list(&mut reader, "bauds", &Kind::number(BAUDS)),
-            parities: facts.list(&mut reader, "parities", &Kind::one_of(&PARITIES)),
-            stop_bits: facts.list(&mut reader, "stop_bits", &Kind::number(1..=2_u8)),
-            data_bits: facts.list(&mut reader, "data_bits", &Kind::number(7..=8_u8)),
-            framings: facts.list(&mut reader, "framings", &Kind::one_of(&FRAMINGS)),
-            interfaces: facts.list(&mut reader, "interfaces", &Kind::one_of(&INTERFACES)),
+            bauds: facts.list(&mut reader, "bauds", &ValueKind::number(BAUDS)),
+            parities: facts.list(&mut reader, "parities", &ValueKind::one_of(&PARITIES)),
+            stop_bits: facts.list(&mut reader, "stop_bits", &ValueKind::number(1..=2_u8)),
+            data_bits: facts.list(&mut reader, "data_bits", &ValueKind::number(7..=8_u8)),
+            framings: facts.list(&mut reader, "framings", &ValueKind::one_of(&FRAMINGS)),
+            interfaces: facts.list(&mut reader, "interfaces", &ValueKind::one_of(&INTERFACES)),
             stations: facts.needed(&mut reader, "stations", |reader| {
                 whole(reader, StationsFile::read)
             }),
@@ -52,8 +52,8 @@ impl LinkFile {
     }
 
     /// `None` if any part is unusable.
-    pub(super) fn ready(&self) -> Option<Link> {
-        Some(Link {
+    pub(super) fn ready(&self) -> Option<ModelLink> {
+        Some(ModelLink {
             default: self.default.and_then(DefaultFile::ready)?,
             bauds: self.bauds.ready()?,
             parities: self.parities.ready()?,
@@ -64,7 +64,7 @@ impl LinkFile {
             stations: self.stations.and_then(StationsFile::ready)?,
             broadcast: match &self.broadcast {
                 None => None,
-                Some(broadcast) => Some(Broadcast {
+                Some(broadcast) => Some(ModelBroadcast {
                     station: broadcast.and_then(|it| Some(it.station.as_ref()?.value))?,
                     functions: broadcast
                         .value
@@ -90,26 +90,26 @@ pub(in crate::profile) struct DefaultFile {
 }
 
 impl DefaultFile {
-    fn read(reader: &mut Reader<'_, '_>) -> Self {
+    fn read(reader: &mut TableReader<'_, '_>) -> Self {
         let right = "what to read at the drive's panel, not empty";
-        let ask = reader.optional("ask", &Kind::parsed(right, filled));
+        let ask = reader.optional("ask", &ValueKind::parsed(right, filled));
         let asks = !matches!(ask, OptionalKey::Absent);
         Self {
-            baud: unless(asks, reader, "baud", &Kind::number(BAUDS)),
-            data_bits: unless(asks, reader, "data_bits", &Kind::number(7..=8_u8)),
-            parity: unless(asks, reader, "parity", &Kind::one_of(&PARITIES)),
-            stop_bits: unless(asks, reader, "stop_bits", &Kind::number(1..=2_u8)),
+            baud: unless(asks, reader, "baud", &ValueKind::number(BAUDS)),
+            data_bits: unless(asks, reader, "data_bits", &ValueKind::number(7..=8_u8)),
+            parity: unless(asks, reader, "parity", &ValueKind::one_of(&PARITIES)),
+            stop_bits: unless(asks, reader, "stop_bits", &ValueKind::number(1..=2_u8)),
             ask,
         }
     }
 
-    fn ready(&self) -> Option<Factory> {
+    fn ready(&self) -> Option<FactorySetting> {
         match &self.ask {
             OptionalKey::Absent => {}
             OptionalKey::Invalid => return None,
-            OptionalKey::Valid(text) => return Some(Factory::Ask(text.value.clone())),
+            OptionalKey::Valid(text) => return Some(FactorySetting::Ask(text.value.clone())),
         }
-        Some(Factory::Set(LinkSettings {
+        Some(FactorySetting::Set(LinkSettings {
             baud: self.baud.as_ref()?.value,
             data_bits: self.data_bits.as_ref()?.value,
             parity: self.parity.as_ref()?.value,
@@ -121,9 +121,9 @@ impl DefaultFile {
 /// The part `key` of a factory setting, which has no place beside `ask`.
 fn unless<T>(
     asks: bool,
-    reader: &mut Reader<'_, '_>,
+    reader: &mut TableReader<'_, '_>,
     key: &'static str,
-    kind: &Kind<'_, T>,
+    kind: &ValueKind<'_, T>,
 ) -> RequiredKey<T> {
     if !asks {
         return reader.required(key, kind);
@@ -146,10 +146,10 @@ pub(in crate::profile) struct StationsFile {
 }
 
 impl StationsFile {
-    fn read(reader: &mut Reader<'_, '_>) -> Self {
+    fn read(reader: &mut TableReader<'_, '_>) -> Self {
         Self {
-            from: reader.required("from", &Kind::number(1..=247_u8)),
-            to: reader.required("to", &Kind::number(1..=247_u8)),
+            from: reader.required("from", &ValueKind::number(1..=247_u8)),
+            to: reader.required("to", &ValueKind::number(1..=247_u8)),
         }
     }
 
@@ -165,10 +165,10 @@ pub(in crate::profile) struct BroadcastFile {
 }
 
 impl BroadcastFile {
-    fn read(reader: &mut Reader<'_, '_>) -> Self {
+    fn read(reader: &mut TableReader<'_, '_>) -> Self {
         Self {
-            station: reader.required("station", &Kind::number(0..=255_u8)),
-            functions: filled_list(reader, "functions", &Kind::number(1..=127_u8)),
+            station: reader.required("station", &ValueKind::number(0..=255_u8)),
+            functions: filled_list(reader, "functions", &ValueKind::number(1..=127_u8)),
         }
     }
 }
@@ -187,11 +187,11 @@ pub(in crate::profile) struct TimingFile {
 }
 
 impl TimingFile {
-    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
         let time = time();
-        let pause = Kind::duration(Duration::from_millis(1)..=PAUSE_MAX);
+        let pause = ValueKind::duration(Duration::from_millis(1)..=PAUSE_MAX);
         let timing = Self {
-            gap_chars: facts.value(&mut reader, "gap_chars", &Kind::decimal(3.5..=100.0)),
+            gap_chars: facts.value(&mut reader, "gap_chars", &ValueKind::decimal(3.5..=100.0)),
             reply_timeout_cap: facts.value(&mut reader, "reply_timeout_cap", &time),
             processing_max: facts.optional_value(&mut reader, "processing_max", &time),
             stored_write_max: facts.optional_value(&mut reader, "stored_write_max", &time),
@@ -199,7 +199,7 @@ impl TimingFile {
             reply_char_bits: facts.optional_value(
                 &mut reader,
                 "reply_char_bits",
-                &Kind::number(7..=13_u8),
+                &ValueKind::number(7..=13_u8),
             ),
             pause_after_write: facts.optional_value(&mut reader, "pause_after_write", &pause),
             pause_after_stored_write: facts.optional_value(
@@ -214,8 +214,8 @@ impl TimingFile {
     }
 
     /// `None` if any part is unusable.
-    pub(super) fn ready(&self) -> Option<Timing> {
-        Some(Timing {
+    pub(super) fn ready(&self) -> Option<ModelTiming> {
+        Some(ModelTiming {
             gap_chars: self.gap_chars.ready()?,
             reply_timeout_cap: self.reply_timeout_cap.ready()?,
             processing_max: optional(self.processing_max.as_ref())?,
@@ -230,6 +230,6 @@ impl TimingFile {
 }
 
 /// A time that a model may state.
-pub(super) fn time() -> Kind<'static, Duration> {
-    Kind::duration(Duration::from_millis(1)..=Duration::from_secs(60))
+pub(super) fn time() -> ValueKind<'static, Duration> {
+    ValueKind::duration(Duration::from_millis(1)..=Duration::from_secs(60))
 }

@@ -34,13 +34,13 @@ pub(super) use status::{CodeFile, StatusFile};
 
 use super::like::LikeFile;
 use super::model::{
-    Identity, Model, PollClass, Quirks, Register, SecondSource, SetupItem, Watchdog,
+    DriveQuirks, Model, ModelIdentity, ModelWatchdog, PollClass, Register, SecondSource, SetupItem,
 };
 use super::register::RegisterFile;
 use crate::domain::problem::Problem;
-use crate::toml_file::values::Kind;
-use crate::toml_file::{OptionalKey, Reader, RequiredKey, Section, Spanned};
-use facts::Facts;
+use crate::toml_file::values::ValueKind;
+use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader, TomlSection};
+use facts::FactReader;
 use std::cell::RefCell;
 
 /// A model file.
@@ -72,14 +72,14 @@ pub(super) struct ModelFile {
 
 impl ModelFile {
     /// Reads the outermost table of a model file.
-    pub fn read(section: Section<'_>, problems: &mut Vec<Problem>) -> Self {
-        let mut reader = Reader::new(section, problems);
+    pub fn read(section: TomlSection<'_>, problems: &mut Vec<Problem>) -> Self {
+        let mut reader = TableReader::new(section, problems);
         let documents = reader
             .required_table("documents")
             .map(|it| DocumentsFile::read(reader.open(it)));
         let id = reader.required(
             "id",
-            &Kind::parsed(
+            &ValueKind::parsed(
                 "`vendor-model`: a to z and 0 to 9 between single dashes",
                 id,
             ),
@@ -89,14 +89,14 @@ impl ModelFile {
         LikeFile::read(&mut reader);
         let second = RefCell::new(Vec::new());
         let without_document = RefCell::new(Vec::new());
-        let proven = &Facts {
+        let proven = &FactReader {
             documents: documents.as_ref(),
             model: of.as_deref(),
             defaults: false,
             second: &second,
             without_document: &without_document,
         };
-        let chosen = &Facts {
+        let chosen = &FactReader {
             defaults: true,
             ..*proven
         };
@@ -104,11 +104,11 @@ impl ModelFile {
         let rule = codes.valid().and_then(|codes| codes.value.ready());
         let file = Self {
             id,
-            vendor: reader.required("vendor", &Kind::text()),
-            title: reader.required("title", &Kind::text()),
+            vendor: reader.required("vendor", &ValueKind::text()),
+            title: reader.required("title", &ValueKind::text()),
             link: needed(&mut reader, "link", proven, LinkFile::read),
             timing: needed(&mut reader, "timing", chosen, TimingFile::read),
-            functions: proven.list(&mut reader, "functions", &Kind::number(1..=127_u8)),
+            functions: proven.list(&mut reader, "functions", &ValueKind::number(1..=127_u8)),
             read: needed(&mut reader, "read", proven, ReadFile::read),
             write: needed(&mut reader, "write", proven, WriteFile::read),
             exceptions: all(&mut reader, "exception", proven, CodeFile::read_exception),
@@ -182,7 +182,7 @@ impl ModelFile {
                 .iter()
                 .filter_map(CodeFile::ready_kind)
                 .collect(),
-            quirks: made(&self.quirks, QuirksFile::ready)?.unwrap_or_else(Quirks::default),
+            quirks: made(&self.quirks, QuirksFile::ready)?.unwrap_or_else(DriveQuirks::default),
             barriers: each(&self.barriers, BarrierFile::ready)?,
             run,
             status: each(&self.status, |it| it.ready(self))?,
@@ -200,9 +200,9 @@ impl ModelFile {
 }
 
 /// The settings of the drive's own watchdog are polled at least once a minute.
-fn poll_watchdog(watchdog: Option<&Watchdog>, register: &mut Register) {
+fn poll_watchdog(watchdog: Option<&ModelWatchdog>, register: &mut Register) {
     let is_part =
-        |it: &Watchdog| it.time == register.address || it.action == Some(register.address);
+        |it: &ModelWatchdog| it.time == register.address || it.action == Some(register.address);
     if watchdog.is_some_and(is_part) && matches!(register.poll, None | Some(PollClass::Hourly)) {
         register.poll = Some(PollClass::Minutely);
     }
@@ -212,7 +212,7 @@ fn poll_watchdog(watchdog: Option<&Watchdog>, register: &mut Register) {
 /// refused; the drive's identity is polled every hour.
 fn poll_what_orders_need(
     setup: &[SetupItem],
-    identity: Option<&Identity>,
+    identity: Option<&ModelIdentity>,
     register: &mut Register,
 ) {
     let is_needed =
@@ -246,10 +246,10 @@ fn poll_bases(registers: &mut [Register]) {
 
 /// The required table `key`, read by `read`.
 fn needed<T>(
-    reader: &mut Reader<'_, '_>,
+    reader: &mut TableReader<'_, '_>,
     key: &'static str,
-    facts: &Facts<'_>,
-    read: impl FnOnce(&Facts<'_>, Reader<'_, '_>) -> T,
+    facts: &FactReader<'_>,
+    read: impl FnOnce(&FactReader<'_>, TableReader<'_, '_>) -> T,
 ) -> Option<T> {
     reader
         .required_table(key)
@@ -258,15 +258,15 @@ fn needed<T>(
 
 /// The optional table `key`, read by `read`.
 fn given<T>(
-    reader: &mut Reader<'_, '_>,
+    reader: &mut TableReader<'_, '_>,
     key: &'static str,
-    facts: &Facts<'_>,
-    read: impl FnOnce(&Facts<'_>, Reader<'_, '_>) -> T,
+    facts: &FactReader<'_>,
+    read: impl FnOnce(&FactReader<'_>, TableReader<'_, '_>) -> T,
 ) -> OptionalKey<T> {
     match reader.table(key) {
         OptionalKey::Absent => OptionalKey::Absent,
         OptionalKey::Invalid => OptionalKey::Invalid,
-        OptionalKey::Valid(Spanned { value, location }) => OptionalKey::Valid(Spanned {
+        OptionalKey::Valid(LocatedValue { value, location }) => OptionalKey::Valid(LocatedValue {
             value: read(facts, reader.open(value)),
             location,
         }),
@@ -275,10 +275,10 @@ fn given<T>(
 
 /// The tables `[[key]]`, each read by `read`.
 fn all<T>(
-    reader: &mut Reader<'_, '_>,
+    reader: &mut TableReader<'_, '_>,
     key: &'static str,
-    facts: &Facts<'_>,
-    read: impl Fn(&Facts<'_>, Reader<'_, '_>) -> T,
+    facts: &FactReader<'_>,
+    read: impl Fn(&FactReader<'_>, TableReader<'_, '_>) -> T,
 ) -> Vec<T> {
     reader
         .tables(key)

@@ -1,14 +1,14 @@
 //! `[run]`: the registers of orders that are not written to the one for run commands, and the direction.
 
-use super::facts::{FactFile, Facts, whole};
+use super::facts::{FactFile, FactReader, whole};
 use crate::domain::address::Address;
 use crate::profile::model::{
-    Confidence, DirectionWords, Fact, FactPart, OrderKind, OrderPlaces, Register, Role, RunCommand,
-    StopBits,
+    Confidence, DirectionWords, Fact, FactPart, OrderKind, OrderPlaces, Register, RegisterRole,
+    RunCommand, StopBits,
 };
 use crate::profile::register::{RegisterFile, address_of};
-use crate::toml_file::values::Kind;
-use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned};
+use crate::toml_file::values::ValueKind;
+use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader};
 
 /// Values of `reverse_by`.
 const REVERSE_BY: [(&str, ()); 1] = [("sign", ())];
@@ -17,14 +17,14 @@ const REVERSE_BY: [(&str, ()); 1] = [("sign", ())];
 #[derive(Default)]
 pub(in crate::profile) struct PlacesFile {
     /// The orders that name a register.
-    pub registers: Vec<(OrderKind, Spanned<String>)>,
+    pub registers: Vec<(OrderKind, LocatedValue<String>)>,
     /// A register or `clear` was unusable.
     is_damaged: bool,
-    pub clear: Option<Spanned<u16>>,
+    pub clear: Option<LocatedValue<u16>>,
     /// Bits of the last order to run that the stop keeps.
-    pub keep: Option<Spanned<u16>>,
+    pub keep: Option<LocatedValue<u16>>,
     /// Bits of it that the stop changes.
-    pub drop: Option<Spanned<u16>>,
+    pub drop: Option<LocatedValue<u16>>,
     pub direction: Option<FactFile<DirectionFile>>,
     pub reverse_by: Option<FactFile<()>>,
     /// The forbidden words, each with its register, if it names one.
@@ -42,27 +42,27 @@ impl PlacesFile {
     /// The order `kind`, which may name its register.
     pub(super) fn order(
         &mut self,
-        facts: &Facts<'_>,
-        reader: &mut Reader<'_, '_>,
+        facts: &FactReader<'_>,
+        reader: &mut TableReader<'_, '_>,
         kind: OrderKind,
     ) -> FactFile<u16> {
-        facts.needed(reader, kind.word(), |reader| self.parts(reader, kind))
+        facts.needed(reader, kind.keyword(), |reader| self.parts(reader, kind))
     }
 
     /// The order `kind`, which may name its register; `None` if the model does not have it.
     pub(super) fn optional_order(
         &mut self,
-        facts: &Facts<'_>,
-        reader: &mut Reader<'_, '_>,
+        facts: &FactReader<'_>,
+        reader: &mut TableReader<'_, '_>,
         kind: OrderKind,
     ) -> Option<FactFile<u16>> {
-        facts.optional(reader, kind.word(), |reader| self.parts(reader, kind))
+        facts.optional(reader, kind.keyword(), |reader| self.parts(reader, kind))
     }
 
-    fn parts(&mut self, reader: &mut Reader<'_, '_>, kind: OrderKind) -> RequiredKey<u16> {
-        let word = Kind::number(0..=u16::MAX);
+    fn parts(&mut self, reader: &mut TableReader<'_, '_>, kind: OrderKind) -> RequiredKey<u16> {
+        let word = ValueKind::number(0..=u16::MAX);
         let value = reader.required("value", &word);
-        match reader.optional("register", &Kind::text()) {
+        match reader.optional("register", &ValueKind::text()) {
             OptionalKey::Absent => {}
             OptionalKey::Invalid => self.is_damaged = true,
             OptionalKey::Valid(name) => self.registers.push((kind, name)),
@@ -71,7 +71,7 @@ impl PlacesFile {
             self.clear = self.word(reader, "clear", &word);
         }
         if kind == OrderKind::Stop {
-            let bits = Kind::number(1..=u16::MAX);
+            let bits = ValueKind::number(1..=u16::MAX);
             self.keep = self.word(reader, "keep", &bits);
             self.drop = self.word(reader, "drop", &bits);
         }
@@ -80,10 +80,10 @@ impl PlacesFile {
 
     fn word(
         &mut self,
-        reader: &mut Reader<'_, '_>,
+        reader: &mut TableReader<'_, '_>,
         key: &'static str,
-        kind: &Kind<u16>,
-    ) -> Option<Spanned<u16>> {
+        kind: &ValueKind<u16>,
+    ) -> Option<LocatedValue<u16>> {
         match reader.optional(key, kind) {
             OptionalKey::Absent => None,
             OptionalKey::Invalid => {
@@ -96,8 +96,9 @@ impl PlacesFile {
 
     /// What the stop does with the bits of an order to run.
     pub(super) fn stop_bits(&self) -> StopBits {
-        let bits =
-            |written: &Option<Spanned<u16>>| written.as_ref().map_or(0, |written| written.value);
+        let bits = |written: &Option<LocatedValue<u16>>| {
+            written.as_ref().map_or(0, |written| written.value)
+        };
         StopBits {
             keeps: bits(&self.keep),
             drops: bits(&self.drop),
@@ -105,20 +106,21 @@ impl PlacesFile {
     }
 
     /// `direction`, `reverse_by` and `never`.
-    pub(super) fn read_rest(&mut self, facts: &Facts<'_>, reader: &mut Reader<'_, '_>) {
-        let word = Kind::number(0..=u16::MAX);
+    pub(super) fn read_rest(&mut self, facts: &FactReader<'_>, reader: &mut TableReader<'_, '_>) {
+        let word = ValueKind::number(0..=u16::MAX);
         self.direction = facts.optional(reader, "direction", |reader| {
             whole(reader, |reader| DirectionFile {
-                register: reader.required("register", &Kind::text()),
+                register: reader.required("register", &ValueKind::text()),
                 forward: reader.required("forward", &word),
                 reverse: reader.optional("reverse", &word),
             })
         });
-        self.reverse_by = facts.optional_value(reader, "reverse_by", &Kind::one_of(&REVERSE_BY));
+        self.reverse_by =
+            facts.optional_value(reader, "reverse_by", &ValueKind::one_of(&REVERSE_BY));
         for section in reader.tables("never") {
             let mut register = OptionalKey::Absent;
             let never = facts.fact(reader.open(section), |reader| {
-                register = reader.optional("register", &Kind::text());
+                register = reader.optional("register", &ValueKind::text());
                 reader.required("value", &word)
             });
             self.never.push((never, register));
@@ -126,7 +128,7 @@ impl PlacesFile {
     }
 
     /// The register that the order `kind` names.
-    pub fn named(&self, kind: OrderKind) -> Option<&Spanned<String>> {
+    pub fn named(&self, kind: OrderKind) -> Option<&LocatedValue<String>> {
         self.registers
             .iter()
             .find(|(of, _)| *of == kind)
@@ -134,7 +136,7 @@ impl PlacesFile {
     }
 
     /// Every register that is named, for whatever it is written.
-    pub fn names(&self) -> impl Iterator<Item = &Spanned<String>> {
+    pub fn names(&self) -> impl Iterator<Item = &LocatedValue<String>> {
         let direction = self
             .direction
             .iter()
@@ -219,7 +221,7 @@ pub(super) fn bind(run: &mut RunCommand, registers: &mut [Register]) {
     if places.by_sign
         && let Some(command) = registers
             .iter()
-            .find(|it| it.role == Some(Role::FrequencyCommand))
+            .find(|it| it.role == Some(RegisterRole::FrequencyCommand))
     {
         let is_stated = command
             .not_stated
@@ -238,7 +240,7 @@ pub(super) fn bind(run: &mut RunCommand, registers: &mut [Register]) {
         let register = registers
             .iter_mut()
             .find(|it| it.address == address && it.access.can_write())?;
-        register.role = register.role.or(Some(Role::Order));
+        register.role = register.role.or(Some(RegisterRole::Order));
         let is_inferred = register.not_stated.contains(&FactPart::Writing);
         Some(if is_inferred {
             register.confidence.max(Confidence::Inferred)

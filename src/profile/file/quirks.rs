@@ -1,10 +1,10 @@
 //! `[quirks]`: named switches, each a fact.
 
-use super::facts::{FactFile, Facts, optional, whole};
+use super::facts::{FactFile, FactReader, optional, whole};
 use super::link::time;
-use crate::profile::model::{Quirks, RamAlias};
-use crate::toml_file::values::Kind;
-use crate::toml_file::{OptionalKey, Reader, RequiredKey};
+use crate::profile::model::{DriveQuirks, RamAlias};
+use crate::toml_file::values::ValueKind;
+use crate::toml_file::{OptionalKey, RequiredKey, TableReader};
 use std::time::Duration;
 
 /// `[quirks]`
@@ -29,12 +29,12 @@ pub(in crate::profile) struct AliasFile {
 }
 
 impl AliasFile {
-    fn read(reader: &mut Reader<'_, '_>) -> Self {
+    fn read(reader: &mut TableReader<'_, '_>) -> Self {
         Self {
-            mask: reader.required("mask", &Kind::number(1..=u16::MAX)),
-            from: reader.required("from", &Kind::address()),
-            to: reader.required("to", &Kind::address()),
-            readable: reader.optional("readable", &Kind::flag()),
+            mask: reader.required("mask", &ValueKind::number(1..=u16::MAX)),
+            from: reader.required("from", &ValueKind::address()),
+            to: reader.required("to", &ValueKind::address()),
+            readable: reader.optional("readable", &ValueKind::flag()),
         }
     }
 
@@ -50,7 +50,7 @@ impl AliasFile {
 }
 
 impl QuirksFile {
-    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
         let time = time();
         let quirks = Self {
             decimal_numbers: facts.switch(&mut reader, "decimal_numbers"),
@@ -59,7 +59,7 @@ impl QuirksFile {
             stored_alias_bit: facts.optional_value(
                 &mut reader,
                 "stored_alias_bit",
-                &Kind::number(8..=15_u8),
+                &ValueKind::number(8..=15_u8),
             ),
             ram_alias: facts.optional(&mut reader, "ram_alias", |reader| {
                 whole(reader, AliasFile::read)
@@ -73,8 +73,8 @@ impl QuirksFile {
     }
 
     /// `None` if any part is unusable.
-    pub(super) fn ready(&self) -> Option<Quirks> {
-        Some(Quirks {
+    pub(super) fn ready(&self) -> Option<DriveQuirks> {
+        Some(DriveQuirks {
             decimal_numbers: optional(self.decimal_numbers.as_ref())?,
             percent_of_rated: optional(self.percent_of_rated.as_ref())?,
             setpoint_before_run: optional(self.setpoint_before_run.as_ref())?,

@@ -2,8 +2,8 @@
 
 use crate::profile::model::ResetStep;
 use crate::profile::register::{RegisterFile, address_of};
-use crate::toml_file::values::Kind;
-use crate::toml_file::{Entry, OptionalKey, Reader, RequiredKey, Spanned};
+use crate::toml_file::values::ValueKind;
+use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader, TomlEntry};
 use std::time::Duration;
 
 /// The longest pause after one word.
@@ -16,11 +16,11 @@ pub(in crate::profile) struct ResetStepFile {
     pub wait: OptionalKey<Duration>,
 }
 
-pub(super) fn read(reader: &mut Reader<'_, '_>) -> OptionalKey<Vec<ResetStepFile>> {
-    match reader.values_or_tables("reset_sequence", &Kind::number(0..=u16::MAX)) {
+pub(super) fn read(reader: &mut TableReader<'_, '_>) -> OptionalKey<Vec<ResetStepFile>> {
+    match reader.values_or_tables("reset_sequence", &ValueKind::number(0..=u16::MAX)) {
         OptionalKey::Absent => OptionalKey::Absent,
         OptionalKey::Invalid => OptionalKey::Invalid,
-        OptionalKey::Valid(Spanned {
+        OptionalKey::Valid(LocatedValue {
             value: entries,
             location,
         }) => {
@@ -28,7 +28,7 @@ pub(super) fn read(reader: &mut Reader<'_, '_>) -> OptionalKey<Vec<ResetStepFile
                 .into_iter()
                 .map(|entry| ResetStepFile::read(reader, entry))
                 .collect();
-            OptionalKey::Valid(Spanned { value, location })
+            OptionalKey::Valid(LocatedValue { value, location })
         }
     }
 }
@@ -50,20 +50,22 @@ pub(super) fn ready(
 }
 
 impl ResetStepFile {
-    fn read<'a>(reader: &mut Reader<'a, '_>, entry: Entry<'a, u16>) -> Self {
+    fn read<'a>(reader: &mut TableReader<'a, '_>, entry: TomlEntry<'a, u16>) -> Self {
         match entry {
-            Entry::Value(word) => Self {
+            TomlEntry::Value(word) => Self {
                 register: OptionalKey::Absent,
                 value: Some(word),
                 wait: OptionalKey::Absent,
             },
-            Entry::Table(section) => {
+            TomlEntry::Table(section) => {
                 let mut reader = reader.open(section);
                 let step = Self {
-                    register: reader.optional("register", &Kind::text()),
-                    value: reader.required("value", &Kind::number(0..=u16::MAX)),
-                    wait: reader
-                        .optional("wait", &Kind::duration(Duration::from_millis(1)..=WAIT_MAX)),
+                    register: reader.optional("register", &ValueKind::text()),
+                    value: reader.required("value", &ValueKind::number(0..=u16::MAX)),
+                    wait: reader.optional(
+                        "wait",
+                        &ValueKind::duration(Duration::from_millis(1)..=WAIT_MAX),
+                    ),
                 };
                 reader.finish();
                 step

@@ -1,6 +1,6 @@
 //! `[run]`: how run commands are given.
 
-use super::facts::{FactFile, Facts, optional};
+use super::facts::{FactFile, FactReader, optional};
 use super::orders::PlacesFile;
 use super::reset::{self, ResetStepFile};
 use super::run_word::{BitFile, FieldFile};
@@ -9,8 +9,8 @@ use super::state::StateFile;
 use crate::profile::model::{OrderKind, RunCommand, RunForm, WordSenses, ZeroWord};
 use crate::profile::register::RegisterFile;
 use crate::profile::words::ZERO_WORDS;
-use crate::toml_file::values::Kind;
-use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned};
+use crate::toml_file::values::ValueKind;
+use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader};
 
 /// How the words of run commands are built.
 const FORMS: [(&str, FormWord); 2] = [("values", FormWord::Values), ("bits", FormWord::Bits)];
@@ -42,10 +42,10 @@ pub(in crate::profile) struct RunFile {
 }
 
 impl RunFile {
-    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
         let mut places = PlacesFile::default();
         let mut run = Self {
-            form: reader.required("form", &Kind::one_of(&FORMS)),
+            form: reader.required("form", &ValueKind::one_of(&FORMS)),
             bits: reader
                 .tables("bit")
                 .into_iter()
@@ -56,7 +56,7 @@ impl RunFile {
                 .into_iter()
                 .map(|it| FieldFile::read(facts, reader.open(it)))
                 .collect(),
-            priority: reader.optional("priority", &Kind::number(1..=u16::MAX)),
+            priority: reader.optional("priority", &ValueKind::number(1..=u16::MAX)),
             stop: places.order(facts, &mut reader, OrderKind::Stop),
             forward: places.order(facts, &mut reader, OrderKind::Forward),
             reverse: places.optional_order(facts, &mut reader, OrderKind::Reverse),
@@ -64,7 +64,11 @@ impl RunFile {
             reset: places.optional_order(facts, &mut reader, OrderKind::Reset),
             release: places.optional_order(facts, &mut reader, OrderKind::Release),
             reset_sequence: reset::read(&mut reader),
-            zero: facts.optional_value(&mut reader, "zero", &Kind::choice(&ZERO_WORDS, zero_means)),
+            zero: facts.optional_value(
+                &mut reader,
+                "zero",
+                &ValueKind::choice(&ZERO_WORDS, zero_means),
+            ),
             places: PlacesFile::default(),
             start: StartFile::read(facts, &mut reader),
             states: reader
@@ -80,7 +84,7 @@ impl RunFile {
     }
 
     /// The usable command words, each with its order.
-    pub fn words(&self) -> impl Iterator<Item = (OrderKind, &Spanned<u16>)> {
+    pub fn words(&self) -> impl Iterator<Item = (OrderKind, &LocatedValue<u16>)> {
         let all = [
             (OrderKind::Stop, Some(&self.stop)),
             (OrderKind::Forward, Some(&self.forward)),
@@ -103,13 +107,13 @@ impl RunFile {
     }
 
     /// The usable words that are written to the register for run commands, each with its order.
-    pub fn own_words(&self) -> impl Iterator<Item = (OrderKind, &Spanned<u16>)> {
+    pub fn own_words(&self) -> impl Iterator<Item = (OrderKind, &LocatedValue<u16>)> {
         self.words()
             .filter(|(kind, _)| self.places.named(*kind).is_none())
     }
 
     /// The words that are never written, each with the register that it names.
-    pub fn never(&self) -> impl Iterator<Item = (Option<&str>, &Spanned<u16>)> {
+    pub fn never(&self) -> impl Iterator<Item = (Option<&str>, &LocatedValue<u16>)> {
         let all = self.places.never.iter();
         all.filter_map(|(fact, name)| {
             Some((

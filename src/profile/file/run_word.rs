@@ -1,18 +1,18 @@
 //! `[[run.bit]]` and `[[run.field]]`: what the bits of run commands mean.
 
-use super::facts::{Facts, Origin, fact};
-use crate::profile::model::{BitMeaning, RunBit, RunField, Sense};
+use super::facts::{FactReader, Origin, fact};
+use crate::profile::model::{BitMeaning, BitSense, RunBit, RunField};
 use crate::profile::register::words_of;
 use crate::profile::words::BIT_MEANINGS;
-use crate::toml_file::values::Kind;
-use crate::toml_file::{Location, OptionalKey, Reader, RequiredKey, Spanned};
+use crate::toml_file::values::ValueKind;
+use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey, RequiredKey, TableReader};
 
 /// The word for a value of a field that does nothing.
 const NOTHING: &str = "nothing";
 
 /// One of `[[run.bit]]`
 pub(in crate::profile) struct BitFile {
-    pub location: Location,
+    pub location: KeyLocation,
     pub bit: RequiredKey<u8>,
     pub meaning: RequiredKey<BitMeaning>,
     /// The value of the bit with which the meaning holds; 1 if it is left out.
@@ -22,20 +22,20 @@ pub(in crate::profile) struct BitFile {
 
 /// One of `[[run.field]]`
 pub(in crate::profile) struct FieldFile {
-    pub location: Location,
+    pub location: KeyLocation,
     pub mask: RequiredKey<u16>,
     /// The known values, each with its meaning, in order; `None` if the table is unusable.
-    pub values: Option<Vec<(u16, Spanned<Option<BitMeaning>>)>>,
+    pub values: Option<Vec<(u16, LocatedValue<Option<BitMeaning>>)>>,
     origin: Option<Origin>,
 }
 
 impl BitFile {
-    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
         let bit = Self {
             location: reader.location().clone(),
-            bit: reader.required("bit", &Kind::number(0..=15_u8)),
-            meaning: reader.required("meaning", &Kind::one_of(&BIT_MEANINGS)),
-            when: reader.optional("when", &Kind::number(0..=1_u8)),
+            bit: reader.required("bit", &ValueKind::number(0..=15_u8)),
+            meaning: reader.required("meaning", &ValueKind::one_of(&BIT_MEANINGS)),
+            when: reader.optional("when", &ValueKind::number(0..=1_u8)),
             origin: facts.origin(&mut reader),
         };
         reader.finish();
@@ -43,9 +43,9 @@ impl BitFile {
     }
 
     /// What it means; `None` if any part of that is unusable.
-    pub fn sense(&self) -> Option<Sense> {
+    pub fn sense(&self) -> Option<BitSense> {
         let is_inverted = self.when.or(1)? == 0;
-        Some(Sense::of_bit(
+        Some(BitSense::of_bit(
             self.bit.as_ref()?.value,
             is_inverted,
             self.meaning.as_ref()?.value,
@@ -63,10 +63,10 @@ impl BitFile {
 }
 
 impl FieldFile {
-    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
         let field = Self {
             location: reader.location().clone(),
-            mask: reader.required("mask", &Kind::number(1..=u16::MAX)),
+            mask: reader.required("mask", &ValueKind::number(1..=u16::MAX)),
             values: values(&mut reader),
             origin: facts.origin(&mut reader),
         };
@@ -75,11 +75,11 @@ impl FieldFile {
     }
 
     /// What its values mean; empty if its mask or values are unusable.
-    pub fn senses(&self) -> impl Iterator<Item = Sense> {
+    pub fn senses(&self) -> impl Iterator<Item = BitSense> {
         let known = self.mask.as_ref().zip(self.values.as_ref());
         known.into_iter().flat_map(|(mask, values)| {
             values.iter().filter_map(|(value, meaning)| {
-                Some(Sense::of_field(mask.value, *value, meaning.value?))
+                Some(BitSense::of_field(mask.value, *value, meaning.value?))
             })
         })
     }
@@ -99,12 +99,14 @@ impl FieldFile {
 }
 
 /// The table `values`, in order of the values.
-fn values(reader: &mut Reader<'_, '_>) -> Option<Vec<(u16, Spanned<Option<BitMeaning>>)>> {
+fn values(
+    reader: &mut TableReader<'_, '_>,
+) -> Option<Vec<(u16, LocatedValue<Option<BitMeaning>>)>> {
     let section = reader.required_table("values")?;
     let location = section.location.clone();
     let inner = reader.open(section);
     let count = inner.len();
-    let all = inner.all(&Kind::one_of(&BIT_MEANINGS).or_word(NOTHING));
+    let all = inner.all(&ValueKind::one_of(&BIT_MEANINGS).or_word(NOTHING));
     if count == 0 {
         reader.problems().push(
             location

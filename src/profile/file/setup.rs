@@ -1,44 +1,44 @@
 //! `[[setup]]`, `[identity]` and `[watchdog]`: required drive settings, how the drive tells what it is, and how it
 //! monitors its communication.
 
-use super::facts::{Facts, Origin, fact, filled_with};
+use super::facts::{FactReader, Origin, fact, filled_with};
 use crate::domain::link::Interface;
-use crate::profile::model::{Identity, NeededFor, SetupItem, Watchdog};
+use crate::profile::model::{ModelIdentity, ModelWatchdog, NeededFor, SetupItem};
 use crate::profile::register::{RegisterFile, address_of, meanings};
 use crate::profile::words::NEEDED_FOR;
-use crate::toml_file::values::Kind;
+use crate::toml_file::values::ValueKind;
 use crate::toml_file::words::INTERFACES;
-use crate::toml_file::{Location, OptionalKey, Reader, RequiredKey, Spanned};
+use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey, RequiredKey, TableReader};
 
 /// One of `[[setup]]`
 pub(in crate::profile) struct SetupFile {
-    pub location: Location,
+    pub location: KeyLocation,
     what: RequiredKey<String>,
     text: RequiredKey<String>,
     pub register: OptionalKey<String>,
     pub mask: OptionalKey<u16>,
-    pub values: OptionalKey<Vec<Spanned<u16>>>,
-    pub needed_for: OptionalKey<Vec<Spanned<NeededFor>>>,
+    pub values: OptionalKey<Vec<LocatedValue<u16>>>,
+    pub needed_for: OptionalKey<Vec<LocatedValue<NeededFor>>>,
     pub interface: OptionalKey<Interface>,
     origin: Option<Origin>,
 }
 
 impl SetupFile {
-    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
-        let word = Kind::number(0..=u16::MAX);
+    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
+        let word = ValueKind::number(0..=u16::MAX);
         let setup = Self {
             location: reader.location().clone(),
-            what: reader.required("what", &Kind::text()),
-            text: reader.required("text", &Kind::text()),
-            register: reader.optional("register", &Kind::text()),
-            mask: reader.optional("mask", &Kind::number(1..=u16::MAX)),
+            what: reader.required("what", &ValueKind::text()),
+            text: reader.required("text", &ValueKind::text()),
+            register: reader.optional("register", &ValueKind::text()),
+            mask: reader.optional("mask", &ValueKind::number(1..=u16::MAX)),
             values: match reader.list("values", &word) {
                 OptionalKey::Valid(list) => filled_with(list, &word, reader.problems())
                     .map_or(OptionalKey::Invalid, OptionalKey::Valid),
                 other => other,
             },
-            needed_for: reader.list("needed_for", &Kind::one_of(&NEEDED_FOR)),
-            interface: reader.optional("interface", &Kind::one_of(&INTERFACES)),
+            needed_for: reader.list("needed_for", &ValueKind::one_of(&NEEDED_FOR)),
+            interface: reader.optional("interface", &ValueKind::one_of(&INTERFACES)),
             origin: facts.origin(&mut reader),
         };
         reader.finish();
@@ -71,7 +71,7 @@ impl SetupFile {
 }
 
 /// The words of a list: `Some(None)` if it is left out, `None` if it is unusable.
-fn words_of(list: &OptionalKey<Vec<Spanned<u16>>>) -> Option<Option<Vec<u16>>> {
+fn words_of(list: &OptionalKey<Vec<LocatedValue<u16>>>) -> Option<Option<Vec<u16>>> {
     match list {
         OptionalKey::Absent => Some(None),
         OptionalKey::Invalid => None,
@@ -85,17 +85,17 @@ fn words_of(list: &OptionalKey<Vec<Spanned<u16>>>) -> Option<Option<Vec<u16>>> {
 pub(in crate::profile) struct IdentityFile {
     pub register: RequiredKey<String>,
     pub mask: OptionalKey<u16>,
-    pub values: RequiredKey<Vec<Spanned<u16>>>,
+    pub values: RequiredKey<Vec<LocatedValue<u16>>>,
     others: Vec<(u16, String)>,
     origin: Option<Origin>,
 }
 
 impl IdentityFile {
-    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
-        let word = Kind::number(0..=u16::MAX);
+    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
+        let word = ValueKind::number(0..=u16::MAX);
         let identity = Self {
-            register: reader.required("register", &Kind::text()),
-            mask: reader.optional("mask", &Kind::number(1..=u16::MAX)),
+            register: reader.required("register", &ValueKind::text()),
+            mask: reader.optional("mask", &ValueKind::number(1..=u16::MAX)),
             values: reader
                 .required_list("values", &word)
                 .and_then(|values| filled_with(values, &word, reader.problems())),
@@ -107,7 +107,7 @@ impl IdentityFile {
     }
 
     /// `None` if any part is unusable.
-    pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<Identity> {
+    pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<ModelIdentity> {
         let values = self
             .values
             .as_ref()?
@@ -115,7 +115,7 @@ impl IdentityFile {
             .iter()
             .map(|word| word.value)
             .collect();
-        Some(Identity {
+        Some(ModelIdentity {
             address: address_of(&self.register.as_ref()?.value, registers)?,
             mask: self.mask.or(u16::MAX)?,
             values: fact(values, self.origin.as_ref())?,
@@ -130,20 +130,20 @@ pub(in crate::profile) struct WatchdogFile {
     off: RequiredKey<u16>,
     pub action: OptionalKey<String>,
     pub action_digit: OptionalKey<u16>,
-    pub keeps_running: OptionalKey<Vec<Spanned<u16>>>,
-    pub stops: OptionalKey<Vec<Spanned<u16>>>,
+    pub keeps_running: OptionalKey<Vec<LocatedValue<u16>>>,
+    pub stops: OptionalKey<Vec<LocatedValue<u16>>>,
     origin: Option<Origin>,
 }
 
 impl WatchdogFile {
-    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
         let watchdog = Self {
-            register: reader.required("register", &Kind::text()),
-            off: reader.required("off", &Kind::number(0..=u16::MAX)),
-            action: reader.optional("action", &Kind::text()),
-            action_digit: reader.optional("action_digit", &Kind::number(1..=1000)),
-            keeps_running: reader.list("keeps_running", &Kind::number(0..=u16::MAX)),
-            stops: reader.list("stops", &Kind::number(0..=u16::MAX)),
+            register: reader.required("register", &ValueKind::text()),
+            off: reader.required("off", &ValueKind::number(0..=u16::MAX)),
+            action: reader.optional("action", &ValueKind::text()),
+            action_digit: reader.optional("action_digit", &ValueKind::number(1..=1000)),
+            keeps_running: reader.list("keeps_running", &ValueKind::number(0..=u16::MAX)),
+            stops: reader.list("stops", &ValueKind::number(0..=u16::MAX)),
             origin: facts.origin(&mut reader),
         };
         reader.finish();
@@ -151,8 +151,8 @@ impl WatchdogFile {
     }
 
     /// `None` if any part is unusable.
-    pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<Watchdog> {
-        Some(Watchdog {
+    pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<ModelWatchdog> {
+        Some(ModelWatchdog {
             time: address_of(&self.register.as_ref()?.value, registers)?,
             off: fact(self.off.as_ref()?.value, self.origin.as_ref())?,
             action: match self.action.clone().optional()? {

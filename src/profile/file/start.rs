@@ -1,10 +1,10 @@
 //! `[[run.start]]` and `take_back` of `[run]`: a start in several words.
 
-use super::facts::{FactFile, Facts, Origin, fact, filled_with, optional};
-use crate::profile::model::{Start, StartCondition, StartStep};
+use super::facts::{FactFile, FactReader, Origin, fact, filled_with, optional};
+use crate::profile::model::{StartCondition, StartStep, StartWords};
 use crate::profile::register::{RegisterFile, address_of};
-use crate::toml_file::values::Kind;
-use crate::toml_file::{Location, OptionalKey, Reader, RequiredKey, Spanned};
+use crate::toml_file::values::ValueKind;
+use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey, RequiredKey, TableReader};
 use std::time::Duration;
 
 /// The longest wait for the effect of one word.
@@ -19,7 +19,7 @@ pub(in crate::profile) struct StartFile {
 
 /// One of `[[run.start]]`
 pub(in crate::profile) struct StartStepFile {
-    pub location: Location,
+    pub location: KeyLocation,
     pub write: RequiredKey<u16>,
     /// Absent: only time must pass.
     pub until: OptionalKey<UntilFile>,
@@ -32,30 +32,30 @@ pub(in crate::profile) struct StartStepFile {
 pub(in crate::profile) struct UntilFile {
     pub register: RequiredKey<String>,
     pub mask: OptionalKey<u16>,
-    pub values: RequiredKey<Vec<Spanned<u16>>>,
+    pub values: RequiredKey<Vec<LocatedValue<u16>>>,
 }
 
 impl StartFile {
-    pub(super) fn read(facts: &Facts<'_>, reader: &mut Reader<'_, '_>) -> Self {
+    pub(super) fn read(facts: &FactReader<'_>, reader: &mut TableReader<'_, '_>) -> Self {
         let steps = reader.tables("start").into_iter();
         Self {
             steps: steps
                 .map(|section| StartStepFile::read(facts, reader.open(section)))
                 .collect(),
-            take_back: facts.optional_value(reader, "take_back", &Kind::number(0..=u16::MAX)),
+            take_back: facts.optional_value(reader, "take_back", &ValueKind::number(0..=u16::MAX)),
         }
     }
 
     /// The words that are written beside the orders.
-    pub fn words(&self) -> impl Iterator<Item = &Spanned<u16>> {
+    pub fn words(&self) -> impl Iterator<Item = &LocatedValue<u16>> {
         let steps = self.steps.iter().filter_map(|step| step.write.as_ref());
         steps.chain(self.take_back.iter().filter_map(|fact| fact.value.as_ref()))
     }
 
     /// `None` if any part is unusable.
-    pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<Start> {
+    pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<StartWords> {
         let steps = self.steps.iter().map(|step| step.ready(registers));
-        Some(Start {
+        Some(StartWords {
             steps: steps.collect::<Option<_>>()?,
             take_back: optional(self.take_back.as_ref())?,
         })
@@ -63,8 +63,8 @@ impl StartFile {
 }
 
 impl StartStepFile {
-    fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
-        let word = Kind::number(0..=u16::MAX);
+    fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
+        let word = ValueKind::number(0..=u16::MAX);
         let step = Self {
             location: reader.location().clone(),
             write: reader.required("write", &word),
@@ -74,13 +74,16 @@ impl StartStepFile {
                 OptionalKey::Valid(section) => {
                     let location = section.location;
                     let value = UntilFile::read(reader.open(section.value));
-                    OptionalKey::Valid(Spanned { value, location })
+                    OptionalKey::Valid(LocatedValue { value, location })
                 }
             },
-            at_least: reader.optional("at_least", &Kind::duration(Duration::ZERO..=WITHIN_MAX)),
+            at_least: reader.optional(
+                "at_least",
+                &ValueKind::duration(Duration::ZERO..=WITHIN_MAX),
+            ),
             within: reader.optional(
                 "within",
-                &Kind::duration(Duration::from_millis(1)..=WITHIN_MAX),
+                &ValueKind::duration(Duration::from_millis(1)..=WITHIN_MAX),
             ),
             origin: facts.origin(&mut reader),
         };
@@ -105,11 +108,11 @@ impl StartStepFile {
 }
 
 impl UntilFile {
-    fn read(mut reader: Reader<'_, '_>) -> Self {
-        let word = Kind::number(0..=u16::MAX);
+    fn read(mut reader: TableReader<'_, '_>) -> Self {
+        let word = ValueKind::number(0..=u16::MAX);
         let until = Self {
-            register: reader.required("register", &Kind::text()),
-            mask: reader.optional("mask", &Kind::number(1..=u16::MAX)),
+            register: reader.required("register", &ValueKind::text()),
+            mask: reader.optional("mask", &ValueKind::number(1..=u16::MAX)),
             values: reader
                 .required_list("values", &word)
                 .and_then(|values| filled_with(values, &word, reader.problems())),

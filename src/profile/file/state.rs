@@ -1,10 +1,10 @@
 //! `[[run.state]]`: the states of the drive's own state machine, each in the vendor's words.
 
-use super::facts::{Facts, Origin};
+use super::facts::{FactReader, Origin};
 use crate::profile::model::StateText;
 use crate::profile::register::{RegisterFile, address_of};
-use crate::toml_file::values::Kind;
-use crate::toml_file::{OptionalKey, Reader, RequiredKey};
+use crate::toml_file::values::ValueKind;
+use crate::toml_file::{OptionalKey, RequiredKey, TableReader};
 
 /// One of `[[run.state]]`
 pub(in crate::profile) struct StateFile {
@@ -16,12 +16,12 @@ pub(in crate::profile) struct StateFile {
 }
 
 impl StateFile {
-    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
+    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
         let state = Self {
-            register: reader.required("register", &Kind::text()),
-            mask: reader.optional("mask", &Kind::number(1..=u16::MAX)),
-            value: reader.required("value", &Kind::number(0..=u16::MAX)),
-            text: reader.required("text", &Kind::text()),
+            register: reader.required("register", &ValueKind::text()),
+            mask: reader.optional("mask", &ValueKind::number(1..=u16::MAX)),
+            value: reader.required("value", &ValueKind::number(0..=u16::MAX)),
+            text: reader.required("text", &ValueKind::text()),
             origin: facts.origin(&mut reader),
         };
         reader.finish();

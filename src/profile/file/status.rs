@@ -1,33 +1,35 @@
 //! `[[status]]`, `[[trip]]` and `[[exception]]`: status flags, and the texts of trips and exceptions.
 
 use super::ModelFile;
-use super::facts::{FactFile, Facts, Origin, filled_with, optional};
+use super::facts::{FactFile, FactReader, Origin, filled_with, optional};
 use crate::domain::address::Address;
-use crate::profile::model::{ClearWords, CodeText, ExceptionKind, Flag, MaskedWord, StatusFlag};
+use crate::profile::model::{
+    ClearWords, CodeText, ExceptionKind, IndicatedState, MaskedWord, StatusFlag,
+};
 use crate::profile::register::address_of;
 use crate::profile::words::{EXCEPTION_KINDS, FLAGS};
-use crate::toml_file::values::Kind;
-use crate::toml_file::{Location, OptionalKey, Reader, RequiredKey, Spanned};
+use crate::toml_file::values::ValueKind;
+use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey, RequiredKey, TableReader};
 use std::ops::RangeInclusive;
 
 /// One of `[[status]]`
 pub(in crate::profile) struct StatusFile {
-    pub flag: RequiredKey<Flag>,
+    pub flag: RequiredKey<IndicatedState>,
     pub register: RequiredKey<String>,
     pub mask: OptionalKey<u16>,
-    pub values: RequiredKey<Vec<Spanned<u16>>>,
-    pub clear: OptionalKey<Vec<Spanned<u16>>>,
+    pub values: RequiredKey<Vec<LocatedValue<u16>>>,
+    pub clear: OptionalKey<Vec<LocatedValue<u16>>>,
     pub others_clear: Option<FactFile<()>>,
     origin: Option<Origin>,
 }
 
 impl StatusFile {
-    pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
-        let word = Kind::number(0..=u16::MAX);
+    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
+        let word = ValueKind::number(0..=u16::MAX);
         let status = Self {
-            flag: reader.required("flag", &Kind::one_of(&FLAGS)),
-            register: reader.required("register", &Kind::text()),
-            mask: reader.optional("mask", &Kind::number(1..=u16::MAX)),
+            flag: reader.required("flag", &ValueKind::one_of(&FLAGS)),
+            register: reader.required("register", &ValueKind::text()),
+            mask: reader.optional("mask", &ValueKind::number(1..=u16::MAX)),
             values: reader
                 .required_list("values", &word)
                 .and_then(|values| filled_with(values, &word, reader.problems())),
@@ -140,7 +142,7 @@ const LAST_BIT: u16 = 31;
 
 /// One of `[[trip]]`, `[[warning]]` or `[[exception]]`
 pub(in crate::profile) struct CodeFile {
-    pub location: Location,
+    pub location: KeyLocation,
     /// The number; of a bit, its number + 1.
     pub code: RequiredKey<u16>,
     /// It is declared by its bit.
@@ -153,8 +155,8 @@ pub(in crate::profile) struct CodeFile {
 
 impl CodeFile {
     /// An exception.
-    pub(super) fn read_exception(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
-        let kind = reader.optional("kind", &Kind::one_of(&EXCEPTION_KINDS));
+    pub(super) fn read_exception(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
+        let kind = reader.optional("kind", &ValueKind::one_of(&EXCEPTION_KINDS));
         Self {
             kind,
             ..Self::read(facts, 1..=255, reader)
@@ -171,15 +173,15 @@ impl CodeFile {
 
     /// An exception, or a trip that has a number, with a code of `codes`.
     pub(super) fn read(
-        facts: &Facts<'_>,
+        facts: &FactReader<'_>,
         codes: RangeInclusive<u16>,
-        mut reader: Reader<'_, '_>,
+        mut reader: TableReader<'_, '_>,
     ) -> Self {
         let code = Self {
             location: reader.location().clone(),
-            code: reader.required("code", &Kind::number(codes)),
+            code: reader.required("code", &ValueKind::number(codes)),
             is_bit: false,
-            text: reader.required("text", &Kind::text()),
+            text: reader.required("text", &ValueKind::text()),
             kind: OptionalKey::Absent,
             origin: facts.origin(&mut reader),
         };
@@ -188,13 +190,17 @@ impl CodeFile {
     }
 
     /// A trip or a warning: either its `code` or its `bit`.
-    pub(super) fn read_code_or_bit(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
-        let bit = reader.optional("bit", &Kind::number(0..=LAST_BIT));
+    pub(super) fn read_code_or_bit(
+        facts: &FactReader<'_>,
+        mut reader: TableReader<'_, '_>,
+    ) -> Self {
+        let bit = reader.optional("bit", &ValueKind::number(0..=LAST_BIT));
         let is_bit = !matches!(bit, OptionalKey::Absent);
         if !is_bit {
             return Self::read(facts, 0..=u16::MAX, reader);
         }
-        if let OptionalKey::Valid(code) = reader.optional("code", &Kind::number(0..=u16::MAX)) {
+        if let OptionalKey::Valid(code) = reader.optional("code", &ValueKind::number(0..=u16::MAX))
+        {
             let problem = code.location.problem("has a bit already");
             reader
                 .problems()
@@ -202,12 +208,12 @@ impl CodeFile {
         }
         let code = Self {
             location: reader.location().clone(),
-            code: bit.valid().map(|bit| Spanned {
+            code: bit.valid().map(|bit| LocatedValue {
                 value: bit.value + 1,
                 location: bit.location.clone(),
             }),
             is_bit,
-            text: reader.required("text", &Kind::text()),
+            text: reader.required("text", &ValueKind::text()),
             kind: OptionalKey::Absent,
             origin: facts.origin(&mut reader),
         };

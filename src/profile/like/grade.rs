@@ -4,7 +4,7 @@ use crate::domain::problem::Problem;
 use crate::profile::file::DocumentsFile;
 use crate::profile::model::Confidence;
 use crate::profile::words::CONFIDENCES;
-use crate::toml_file::{Document, Location, Reader};
+use crate::toml_file::{KeyLocation, TableReader, TomlDocument};
 use serde_spanned::Spanned;
 use std::borrow::Cow;
 use toml::de::{DeArray, DeTable, DeValue};
@@ -39,8 +39,8 @@ pub(super) fn take_over(
 
 /// The documents of a table, whose mistakes are reported elsewhere.
 fn read(documents: &DeTable<'_>) -> DocumentsFile {
-    let document = Document::of(documents.clone());
-    DocumentsFile::read(Reader::new(document.section(), &mut Vec::new()))
+    let document = TomlDocument::of(documents.clone());
+    DocumentsFile::read(TableReader::new(document.section(), &mut Vec::new()))
 }
 
 /// States that `document` is of the model `of` if it says nothing else.
@@ -75,7 +75,7 @@ fn are_the_same(base: &DocumentsFile, of: &str, own: &DeTable<'_>, problems: &mu
         let (Some(Some(theirs)), Some(Some(ours))) = (base.find(name), files.find(name)) else {
             continue;
         };
-        let location = Location {
+        let location = KeyLocation {
             key: format!("documents.{name}"),
             span: value.span(),
         };
@@ -105,7 +105,7 @@ fn grade(table: &mut DeTable<'_>, documents: &DocumentsFile, id: &str) {
     if let (Some(best), Some(confidence)) = (best, table.get_mut("confidence")) {
         let stated = confidence.get_ref().as_str().and_then(confidence_of);
         if stated.is_some_and(|stated| stated < best) {
-            *confidence.get_mut() = DeValue::String(Cow::Borrowed(best.word()));
+            *confidence.get_mut() = DeValue::String(Cow::Borrowed(best.keyword()));
         }
     }
     for (_, value) in table.iter_mut() {

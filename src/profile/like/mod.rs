@@ -2,7 +2,7 @@
 //!
 //! The tables of both files are merged before they are read, so that every check sees the whole. What is taken over keeps
 //! its documents and is graded for the new model. Locations of what is taken over lie behind the end of the file's own
-//! text; [`Whole::placed`] reports its mistakes at `like`, with file and line.
+//! text; [`WholeFile::placed`] reports its mistakes at `like`, with file and line.
 
 mod grade;
 mod overlay;
@@ -14,8 +14,10 @@ pub(super) use overlay::ROWS;
 pub(super) use overlay::row_of;
 
 use crate::domain::problem::{Problem, alternatives, nearest_names};
-use crate::toml_file::values::Kind;
-use crate::toml_file::{Document, Location, OptionalKey, Reader, Spanned, document, written};
+use crate::toml_file::values::ValueKind;
+use crate::toml_file::{
+    KeyLocation, LocatedValue, OptionalKey, TableReader, TomlDocument, document, written,
+};
 use std::iter;
 use toml::de::DeTable;
 
@@ -24,24 +26,24 @@ const DEPTH_MAX: usize = 4;
 
 /// The text of a model file.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Source<'s> {
+pub(super) struct ModelText<'s> {
     pub file: &'s str,
     pub text: &'s str,
 }
 
 /// The model files that others may begin from.
-pub(super) trait Sources {
+pub(super) trait ModelTexts {
     /// The file of the model `id`.
-    fn find(&self, id: &str) -> Option<Source<'_>>;
+    fn find(&self, id: &str) -> Option<ModelText<'_>>;
     /// All identifiers.
     fn ids(&self) -> Vec<String>;
 }
 
 /// No other models.
-pub(super) struct Alone;
+pub(super) struct NoOtherModels;
 
-impl Sources for Alone {
-    fn find(&self, _: &str) -> Option<Source<'_>> {
+impl ModelTexts for NoOtherModels {
+    fn find(&self, _: &str) -> Option<ModelText<'_>> {
         None
     }
 
@@ -53,32 +55,32 @@ impl Sources for Alone {
 /// The keys `like` and `without`.
 pub(super) struct LikeFile {
     like: OptionalKey<String>,
-    without: OptionalKey<Vec<Spanned<String>>>,
+    without: OptionalKey<Vec<LocatedValue<String>>>,
 }
 
 impl LikeFile {
-    pub(super) fn read(reader: &mut Reader<'_, '_>) -> Self {
+    pub(super) fn read(reader: &mut TableReader<'_, '_>) -> Self {
         Self {
-            like: reader.optional("like", &Kind::text()),
-            without: reader.list("without", &Kind::text()),
+            like: reader.optional("like", &ValueKind::text()),
+            without: reader.list("without", &ValueKind::text()),
         }
     }
 }
 
 /// A file with what it takes over from others.
-pub(super) struct Whole<'s> {
-    document: Document<'s>,
+pub(super) struct WholeFile<'s> {
+    document: TomlDocument<'s>,
     /// Where it says what it begins from, and the file of that model.
-    base: Option<(Location, Source<'s>)>,
+    base: Option<(KeyLocation, ModelText<'s>)>,
     /// The texts that it takes over from, each with where it lies behind its own.
-    parts: Vec<(usize, Source<'s>)>,
+    parts: Vec<(usize, ModelText<'s>)>,
 }
 
-impl<'s> Whole<'s> {
+impl<'s> WholeFile<'s> {
     /// Reads `text` and the files of `sources` that it begins from. `None`: there is no whole, and why is reported.
     pub(super) fn read(
         text: &'s str,
-        sources: &'s dyn Sources,
+        sources: &'s dyn ModelTexts,
         problems: &mut Vec<Problem>,
     ) -> Option<Self> {
         Self::after(text, sources, &[], problems)
@@ -88,7 +90,7 @@ impl<'s> Whole<'s> {
     /// there is no complete file, and why is reported.
     fn after(
         text: &'s str,
-        sources: &'s dyn Sources,
+        sources: &'s dyn ModelTexts,
         on_way: &[String],
         problems: &mut Vec<Problem>,
     ) -> Option<Self> {
@@ -103,7 +105,7 @@ impl<'s> Whole<'s> {
                     problems.push(problem.right("`like`, the model that this file begins from"));
                 }
                 return Some(Self {
-                    document: Document::of(own),
+                    document: TomlDocument::of(own),
                     base: None,
                     parts: Vec::new(),
                 });
@@ -134,7 +136,7 @@ impl<'s> Whole<'s> {
                 span: problem.span.start + start..problem.span.end + start,
                 ..problem
             });
-            problems.extend(whole(Document::of(DeTable::new())).placed(there.collect()));
+            problems.extend(whole(TomlDocument::of(DeTable::new())).placed(there.collect()));
             return None;
         };
         let mut base = written::moved(base.document.into_table(), start);
@@ -142,11 +144,11 @@ impl<'s> Whole<'s> {
         if let OptionalKey::Valid(without) = without {
             overlay::remove(&mut base, &without.value, &like.value, problems);
         }
-        Some(whole(Document::of(overlay::merged(own, base))))
+        Some(whole(TomlDocument::of(overlay::merged(own, base))))
     }
 
     /// The table.
-    pub(super) const fn document(&self) -> &Document<'s> {
+    pub(super) const fn document(&self) -> &TomlDocument<'s> {
         &self.document
     }
 
@@ -156,7 +158,7 @@ impl<'s> Whole<'s> {
     }
 
     /// The file that it begins from.
-    pub(super) fn base(&self) -> Option<Source<'s>> {
+    pub(super) fn base(&self) -> Option<ModelText<'s>> {
         self.base.as_ref().map(|(_, source)| *source)
     }
 
@@ -170,7 +172,7 @@ impl<'s> Whole<'s> {
                 .parts
                 .iter()
                 .rfind(|(start, _)| *start <= problem.span.start);
-            let Some((start, Source { file, text })) = part else {
+            let Some((start, ModelText { file, text })) = part else {
                 return problem;
             };
             let there = Problem {
@@ -210,17 +212,17 @@ fn taken_out(table: &mut DeTable<'_>, problems: &mut Vec<Problem>) -> LikeFile {
     let keys = ["like", "without"]
         .into_iter()
         .filter_map(|key| table.remove_entry(key));
-    let document = Document::of(keys.collect());
-    LikeFile::read(&mut Reader::new(document.section(), problems))
+    let document = TomlDocument::of(keys.collect());
+    LikeFile::read(&mut TableReader::new(document.section(), problems))
 }
 
 /// The file of the model that `like` names, for a file that the models on `way` begin from.
 fn base_of<'s>(
-    like: &Spanned<String>,
+    like: &LocatedValue<String>,
     way: &[String],
-    sources: &'s dyn Sources,
+    sources: &'s dyn ModelTexts,
     problems: &mut Vec<Problem>,
-) -> Option<Source<'s>> {
+) -> Option<ModelText<'s>> {
     let id = &like.value;
     let tell = |what: String, right: String| like.location.problem(what).right(right);
     if way.contains(id) {

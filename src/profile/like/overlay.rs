@@ -1,7 +1,7 @@
 //! What a file says in place of the file that it begins from, and what it leaves out.
 
 use crate::domain::problem::{Problem, nearest};
-use crate::toml_file::Spanned as Written;
+use crate::toml_file::LocatedValue;
 use serde_spanned::Spanned;
 use toml::de::{DeArray, DeTable, DeValue};
 
@@ -64,11 +64,11 @@ fn rows<'s>(keys: &[&str], own: DeArray<'s>, base: DeArray<'s>) -> DeArray<'s> {
 /// Leaves out of `base`, the file of the model `id`, what `without` names.
 pub(super) fn remove(
     base: &mut DeTable<'_>,
-    without: &[Written<String>],
+    without: &[LocatedValue<String>],
     id: &str,
     problems: &mut Vec<Problem>,
 ) {
-    for Written {
+    for LocatedValue {
         value: path,
         location,
     } in without

@@ -13,7 +13,8 @@ const LIKE: &str = include_str!("../../../tests/golden/models/like.toml");
 
 /// The model `id` of the files `texts`, whose names are their places in the list.
 fn model_among(id: &str, texts: &[&str]) -> Model {
-    let catalog = catalog(texts).unwrap_or_else(|problems| panic!("{}", told(texts, &problems)));
+    let catalog =
+        catalog(texts).unwrap_or_else(|problems| panic!("{}", problem_lines(texts, &problems)));
     (**catalog.find(id).unwrap()).clone()
 }
 
@@ -34,7 +35,7 @@ fn named<'t>(texts: &[&'t str]) -> Vec<(String, &'t str)> {
 }
 
 /// A line per problem: file, line, key, what is wrong, what would be right.
-fn told(texts: &[&str], problems: &[(String, Problem)]) -> String {
+fn problem_lines(texts: &[&str], problems: &[(String, Problem)]) -> String {
     let lines = problems.iter().map(|(file, problem)| {
         let (_, text) = *named(texts).iter().find(|(name, _)| name == file).unwrap();
         let line = problem.place_in(text).0;
@@ -48,7 +49,7 @@ fn told(texts: &[&str], problems: &[(String, Problem)]) -> String {
 }
 
 fn refused(texts: &[&str]) -> String {
-    told(texts, &catalog(texts).unwrap_err())
+    problem_lines(texts, &catalog(texts).unwrap_err())
 }
 
 /// A file that begins from [`MODEL`], with `more`.

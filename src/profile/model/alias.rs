@@ -1,7 +1,7 @@
 //! Other addresses of stored registers, by which they are written in RAM.
 
-use super::{Access, Fact, Memory, Model, Register, Role};
-use crate::domain::address::{Address, Table};
+use super::{Fact, Model, Register, RegisterAccess, RegisterMemory, RegisterRole};
+use crate::domain::address::{Address, DataTable};
 
 /// A rule for the RAM form of a stored register: its address with other bits under a mask. The value is the same; written
 /// there, it acts at once and is lost with the power.
@@ -45,8 +45,8 @@ impl Model {
     #[must_use]
     pub fn ram_form(&self, register: &Register) -> Option<Address> {
         let alias = self.proven_alias()?;
-        let is_aliased = register.access == Access::ReadWrite
-            && register.address.table() == Table::Holding
+        let is_aliased = register.access == RegisterAccess::ReadWrite
+            && register.address.table() == DataTable::Holding
             && register.form.pair.is_none()
             && is_stored(register);
         if !is_aliased {
@@ -59,7 +59,7 @@ impl Model {
     /// The register whose RAM form is at `address`.
     #[must_use]
     pub fn in_ram_at(&self, address: Address) -> Option<&Register> {
-        if address.table() != Table::Holding {
+        if address.table() != DataTable::Holding {
             return None;
         }
         let number = self.proven_alias()?.register_of(address.number())?;
@@ -93,7 +93,7 @@ impl Model {
 /// Whether a file says of the register that it is stored, or leaves that open where it takes no orders.
 fn is_stored(register: &Register) -> bool {
     match register.memory {
-        Some(memory) => memory == Memory::Stored,
-        None => !register.role.is_some_and(Role::is_guarded),
+        Some(memory) => memory == RegisterMemory::Stored,
+        None => !register.role.is_some_and(RegisterRole::is_guarded),
     }
 }

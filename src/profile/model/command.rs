@@ -1,8 +1,8 @@
 //! How a model is commanded: run commands, writes, and the settings it needs to obey the bus.
 
 use super::{
-    Confidence, Fact, FactPart, Model, OrderKind, OrderPlaces, ResetStep, Role, RunForm, Start,
-    StateText, ZeroWord,
+    Confidence, Fact, FactPart, Model, OrderKind, OrderPlaces, RegisterRole, ResetStep, RunForm,
+    StartWords, StateText, ZeroWord,
 };
 use crate::domain::address::Address;
 use crate::domain::control::{BusFunctions, ControlAction};
@@ -46,7 +46,7 @@ pub struct RunCommand {
     /// What is not written to the register for run commands, and what is written beside an order.
     pub places: OrderPlaces,
     /// The words before the run word.
-    pub start: Start,
+    pub start: StartWords,
     /// The states of the drive's own state machine, in the vendor's words. One register shows them all.
     pub states: Vec<StateText>,
 }
@@ -113,7 +113,7 @@ impl RunCommand {
 
 /// A fact that stop, forward or the setpoint depends on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Basic<'m> {
+pub struct BasicFact<'m> {
     /// What it is.
     pub what: &'static str,
     /// How sure it is.
@@ -128,7 +128,7 @@ impl Model {
     /// The unproven facts behind stop, forward and the setpoint: words, and their registers. If there are any, a drive of
     /// this model takes orders only if [`ControlAction::Basic`] is accepted.
     #[must_use]
-    pub fn unproven_basics(&self) -> Vec<Basic<'_>> {
+    pub fn unproven_basics(&self) -> Vec<BasicFact<'_>> {
         let mut basics = self.basics();
         basics.retain(|basic| !basic.confidence.is_proven());
         basics
@@ -136,31 +136,25 @@ impl Model {
 
     /// All facts behind stop, forward and the setpoint; none if it takes no orders.
     #[must_use]
-    pub fn basics(&self) -> Vec<Basic<'_>> {
+    pub fn basics(&self) -> Vec<BasicFact<'_>> {
         let Some(run) = &self.run else {
             return Vec::new();
         };
         let mut basics = Vec::new();
         let mut add = |what: &'static str, key: &str, confidence, source| {
-            basics.push(Basic {
+            basics.push(BasicFact {
                 what,
                 confidence,
                 source,
                 also: self.second_source(key),
             });
         };
-        add(
-            "stop",
-            "run.stop",
-            run.stop.confidence,
-            run.stop.source.as_str(),
-        );
-        add(
-            "forward",
-            "run.forward",
-            run.forward.confidence,
-            run.forward.source.as_str(),
-        );
+        for (what, key, fact) in [
+            ("stop", "run.stop", &run.stop),
+            ("forward", "run.forward", &run.forward),
+        ] {
+            add(what, key, fact.confidence, fact.source.as_str());
+        }
         if let Some(direction) = &run.places.direction {
             add(
                 "direction",
@@ -186,8 +180,11 @@ impl Model {
             );
         }
         let registers = [
-            ("the run command's register", Role::RunCommand),
-            ("the frequency command's register", Role::FrequencyCommand),
+            ("the run command's register", RegisterRole::RunCommand),
+            (
+                "the frequency command's register",
+                RegisterRole::FrequencyCommand,
+            ),
         ];
         for (what, role) in registers {
             let Some(register) = self.register_for(role) else {
@@ -199,7 +196,7 @@ impl Model {
             } else {
                 register.confidence
             };
-            basics.push(Basic {
+            basics.push(BasicFact {
                 what,
                 confidence: confidence.max(register.confidence),
                 source: &register.source,
@@ -278,8 +275,8 @@ impl SetupItem {
             .address
             .and_then(|address| model.register_at(address)?.role);
         match role {
-            Some(Role::RunSource) => bus.has_run(),
-            Some(Role::FrequencySource) => bus.has_frequency(),
+            Some(RegisterRole::RunSource) => bus.has_run(),
+            Some(RegisterRole::FrequencySource) => bus.has_frequency(),
             _ => true,
         }
     }
@@ -306,7 +303,7 @@ pub enum NeededFor {
 
 /// How a drive tells what it is.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Identity {
+pub struct ModelIdentity {
     /// The register.
     pub address: Address,
     /// The bits that count.
@@ -317,7 +314,7 @@ pub struct Identity {
     pub others: Vec<(u16, String)>,
 }
 
-impl Identity {
+impl ModelIdentity {
     /// Whether `word` is that of a drive of this model.
     #[must_use]
     pub fn is_right(&self, word: u16) -> bool {
@@ -336,7 +333,7 @@ impl Identity {
 
 /// The drive's own watchdog for its communication.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Watchdog {
+pub struct ModelWatchdog {
     /// The register that holds its time.
     pub time: Address,
     /// The word in `time` that switches the watchdog off.

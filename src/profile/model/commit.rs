@@ -15,7 +15,7 @@ pub enum CommitEffect {
 impl CommitEffect {
     /// The word used in files and answers.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Apply => "apply",
             Self::Store => "store",
@@ -38,14 +38,14 @@ pub struct CommitWord {
 
 /// The words of a model, each at most once.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Commit {
+pub struct CommitWords {
     /// The word that applies.
     pub apply: Option<Fact<CommitWord>>,
     /// The word that stores.
     pub store: Option<Fact<CommitWord>>,
 }
 
-impl Commit {
+impl CommitWords {
     /// The stated word for `effect`, proven or not.
     #[must_use]
     pub const fn stated(&self, effect: CommitEffect) -> Option<&Fact<CommitWord>> {

@@ -4,7 +4,7 @@ use super::Confidence;
 
 /// A document that facts cite.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Document {
+pub struct ModelDocument {
     /// Its short name, as cited at the start of a source.
     pub name: String,
     /// Its full title.
@@ -41,7 +41,7 @@ pub enum DocumentKind {
 impl DocumentKind {
     /// The word used in model files.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Manual => "manual",
             Self::Addendum => "addendum",
@@ -55,7 +55,7 @@ impl DocumentKind {
     }
 }
 
-impl Document {
+impl ModelDocument {
     /// Whether it covers the model `id`.
     #[must_use]
     pub fn is_of(&self, id: &str) -> bool {
@@ -86,7 +86,7 @@ mod tests {
 
     #[test]
     fn only_a_manual_of_the_model_proves_anything() {
-        let document = |kind, of: &[&str]| Document {
+        let document = |kind, of: &[&str]| ModelDocument {
             name: "X".to_owned(),
             title: "X".to_owned(),
             kind,

@@ -1,6 +1,6 @@
 //! Second sources of facts, and how well stop, forward and the setpoint are known.
 
-use super::{Basic, Model};
+use super::{BasicFact, Model};
 
 /// A second source of a fact, whose document is independent of the first one.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -22,7 +22,7 @@ impl Model {
     }
 }
 
-impl Basic<'_> {
+impl BasicFact<'_> {
     /// What it is and how well it is known: `stop (third-party)`, `stop (third-party, two independent sources)`.
     #[must_use]
     pub fn described(&self) -> String {
@@ -31,6 +31,6 @@ impl Basic<'_> {
         } else {
             ""
         };
-        format!("{} ({}{second})", self.what, self.confidence.word())
+        format!("{} ({}{second})", self.what, self.confidence.keyword())
     }
 }

@@ -35,7 +35,7 @@ impl WordOrder {
 
     /// The word used in model files.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::HighFirst => "high-first",
             Self::LowFirst => "low-first",
@@ -45,7 +45,7 @@ impl WordOrder {
 
 /// How the words of a register form a number, and the number a value. The default is a plain word.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Form {
+pub struct NumberForm {
     /// The order of its two words; `None` if it has one.
     pub pair: Option<WordOrder>,
     /// The contiguous bits of the word that hold the number. All, if it has two words.
@@ -59,12 +59,12 @@ pub struct Form {
     /// The steps per unit are in another register.
     pub scale_by: Option<ScaleBy>,
     /// Further words that are added.
-    pub plus: Vec<Addend>,
+    pub plus: Vec<AddendWord>,
     /// The sign is the direction in which the motor turns.
     pub sign_is_direction: bool,
 }
 
-impl Default for Form {
+impl Default for NumberForm {
     fn default() -> Self {
         Self {
             pair: None,
@@ -79,7 +79,7 @@ impl Default for Form {
     }
 }
 
-impl Form {
+impl NumberForm {
     /// Number of words.
     #[must_use]
     pub const fn words(&self) -> u16 {
@@ -107,8 +107,8 @@ impl Form {
     pub fn bases(&self) -> impl Iterator<Item = Address> + '_ {
         let of_scale = self.full_scale.iter().flat_map(|scale| {
             let of = match &scale.of {
-                Whole::Register(basis) => Some(basis.address),
-                Whole::Configured | Whole::Fixed(_) => None,
+                FractionWhole::Register(basis) => Some(basis.address),
+                FractionWhole::Configured | FractionWhole::Fixed(_) => None,
             };
             of.into_iter()
                 .chain(scale.from.as_ref().map(|basis| basis.address))
@@ -123,18 +123,18 @@ pub struct FullScale {
     /// The number that stands for the whole. Never 0.
     pub steps: u32,
     /// What the value is a fraction of; `steps` stands for it.
-    pub of: Whole,
+    pub of: FractionWhole,
     /// The value of 0; `None` for 0.
-    pub from: Option<Basis>,
+    pub from: Option<BasisRegister>,
     /// The drive's own parameter that holds the whole, where a person types it into the configuration.
     pub parameter: Option<String>,
 }
 
 /// What a fraction is a fraction of.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Whole {
+pub enum FractionWhole {
     /// The value of a register of the drive.
-    Register(Basis),
+    Register(BasisRegister),
     /// A key of the drive's configuration, which has not been applied yet.
     Configured,
     /// The value of that key.
@@ -143,7 +143,7 @@ pub enum Whole {
 
 /// A register of one word whose value another register needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Basis {
+pub struct BasisRegister {
     /// Where it is.
     pub address: Address,
     /// Its mask.
@@ -169,7 +169,7 @@ pub struct ScaleBy {
 
 /// A word that is added to a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Addend {
+pub struct AddendWord {
     /// Where it is.
     pub address: Address,
     /// Its steps.

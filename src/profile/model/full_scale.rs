@@ -1,6 +1,6 @@
 //! The full scale that the configuration states for a model whose frequencies are fractions of one that no register holds.
 
-use super::{Model, Whole};
+use super::{FractionWhole, Model};
 use crate::domain::frequency::Hertz;
 
 impl Model {
@@ -13,8 +13,8 @@ impl Model {
             .iter_mut()
             .filter_map(|register| register.form.full_scale.as_mut())
         {
-            if scale.of == Whole::Configured {
-                scale.of = Whole::Fixed(full_scale);
+            if scale.of == FractionWhole::Configured {
+                scale.of = FractionWhole::Fixed(full_scale);
             }
         }
         model
@@ -27,8 +27,11 @@ impl Model {
             .registers
             .iter()
             .filter_map(|register| register.form.full_scale.as_ref());
-        scales
-            .into_iter()
-            .any(|scale| matches!(scale.of, Whole::Configured | Whole::Fixed(_)))
+        scales.into_iter().any(|scale| {
+            matches!(
+                scale.of,
+                FractionWhole::Configured | FractionWhole::Fixed(_)
+            )
+        })
     }
 }

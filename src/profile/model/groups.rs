@@ -10,7 +10,7 @@ pub const NUMBERS_MAX: u8 = 100;
 
 /// A group of parameters.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Group {
+pub struct ParameterGroup {
     /// The prefix of its codes; if codes are addresses, their first two digits.
     pub name: String,
     /// The high byte of its addresses.
@@ -21,14 +21,14 @@ impl Model {
     /// The groups of the code rule; if codes are addresses, those that contain a register with a code, because no others
     /// are known. Empty without a rule.
     #[must_use]
-    pub fn groups(&self) -> Vec<Group> {
+    pub fn groups(&self) -> Vec<ParameterGroup> {
         match &self.codes {
             None | Some(CodeRule::Linear { .. }) => Vec::new(),
             // Whatever is read there is shown: no answer says where a group ends.
             Some(_) if self.read.reads_holes() => Vec::new(),
             Some(CodeRule::Groups { groups, .. }) => groups
                 .iter()
-                .map(|(name, high)| Group {
+                .map(|(name, high)| ParameterGroup {
                     name: name.clone(),
                     high: *high,
                 })
@@ -40,7 +40,7 @@ impl Model {
                     .collect();
                 bytes
                     .into_iter()
-                    .map(|high| Group {
+                    .map(|high| ParameterGroup {
                         name: format!("{high:02X}"),
                         high,
                     })
@@ -50,7 +50,7 @@ impl Model {
     }
 
     /// The addresses that `group` may hold, in the drive's numbering.
-    pub fn addresses_of(&self, group: &Group) -> impl Iterator<Item = Address> {
+    pub fn addresses_of(&self, group: &ParameterGroup) -> impl Iterator<Item = Address> {
         let first = Address::holding(u16::from_be_bytes([group.high, 0]));
         let all = std::iter::successors(Some(first), |address| Some(self.next_address(*address)));
         all.take(usize::from(NUMBERS_MAX))

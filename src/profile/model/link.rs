@@ -7,9 +7,9 @@ use std::time::Duration;
 
 /// Line settings that a model supports.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Link {
+pub struct ModelLink {
     /// Factory settings.
-    pub default: Fact<Factory>,
+    pub default: Fact<FactorySetting>,
     /// Speeds in bit/s that can be configured.
     pub bauds: Fact<Vec<u32>>,
     /// Parities that can be configured.
@@ -25,25 +25,25 @@ pub struct Link {
     /// Station numbers that can be configured.
     pub stations: Fact<RangeInclusive<u8>>,
     /// Broadcast, if it is documented.
-    pub broadcast: Option<Broadcast>,
+    pub broadcast: Option<ModelBroadcast>,
 }
 
 /// How a drive is set when it leaves the factory.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Factory {
+pub enum FactorySetting {
     /// Set to these settings.
     Set(LinkSettings),
     /// Nobody can say: what to read at the drive's panel.
     Ask(String),
 }
 
-impl Link {
+impl ModelLink {
     /// The factory settings; `None` if they must be read at the drive.
     #[must_use]
     pub const fn factory(&self) -> Option<LinkSettings> {
         match self.default.value {
-            Factory::Set(settings) => Some(settings),
-            Factory::Ask(_) => None,
+            FactorySetting::Set(settings) => Some(settings),
+            FactorySetting::Ask(_) => None,
         }
     }
 
@@ -59,8 +59,8 @@ impl Link {
     #[must_use]
     pub fn asks(&self) -> Option<&str> {
         match &self.default.value {
-            Factory::Set(_) => None,
-            Factory::Ask(text) => Some(text),
+            FactorySetting::Set(_) => None,
+            FactorySetting::Ask(text) => Some(text),
         }
     }
 
@@ -86,7 +86,7 @@ fn usual_or_first<T: Copy + PartialEq>(usual: T, list: &[T]) -> T {
     }
 }
 
-impl std::fmt::Display for Factory {
+impl std::fmt::Display for FactorySetting {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Set(settings) => settings.fmt(f),
@@ -97,7 +97,7 @@ impl std::fmt::Display for Factory {
 
 /// A documented broadcast.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Broadcast {
+pub struct ModelBroadcast {
     /// The station number that addresses all drives.
     pub station: Fact<u8>,
     /// Functions that may be broadcast. The drive never replies to a broadcast.
@@ -106,7 +106,7 @@ pub struct Broadcast {
 
 /// Times on the line.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Timing {
+pub struct ModelTiming {
     /// Silence before and after each frame, in characters.
     pub gap_chars: Fact<f64>,
     /// Maximum wait for a reply after the end of the request, until response times have been measured.
@@ -127,7 +127,7 @@ pub struct Timing {
     pub max_lateness: Fact<Duration>,
 }
 
-impl Timing {
+impl ModelTiming {
     /// How long the drive is left alone after a write, which went to a stored register if `is_stored`.
     #[must_use]
     pub fn pause_after(&self, is_stored: bool) -> Duration {

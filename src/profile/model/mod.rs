@@ -23,26 +23,28 @@ mod watchdog;
 pub use alias::RamAlias;
 pub use codes::CodeRule;
 pub use command::{
-    Basic, BlockWrite, Identity, NeededFor, RefusedWrite, RunCommand, SetupItem, StopBits,
-    Watchdog, WriteRules,
+    BasicFact, BlockWrite, ModelIdentity, ModelWatchdog, NeededFor, RefusedWrite, RunCommand,
+    SetupItem, StopBits, WriteRules,
 };
-pub use commit::{Commit, CommitEffect, CommitWord};
-pub use document::{Document, DocumentKind};
+pub use commit::{CommitEffect, CommitWord, CommitWords};
+pub use document::{DocumentKind, ModelDocument};
 pub use evidence::SecondSource;
-pub use form::{Addend, Basis, Form, FullScale, ScaleBy, Whole, WordOrder};
-pub use groups::{Group, NUMBERS_MAX};
-pub use link::{Broadcast, Factory, Link, Timing};
+pub use form::{
+    AddendWord, BasisRegister, FractionWhole, FullScale, NumberForm, ScaleBy, WordOrder,
+};
+pub use groups::{NUMBERS_MAX, ParameterGroup};
+pub use link::{FactorySetting, ModelBroadcast, ModelLink, ModelTiming};
 pub use order::{DirectionWords, OrderKind, OrderPlaces, ResetStep, ResetWrite};
 pub use parameter::ParameterKind;
-pub use read::{Boundary, Holes, ReadArea, ReadLimits};
-pub use register::{Access, FactPart, Memory, PollClass, Register, Role};
+pub use read::{ReadArea, ReadBoundary, ReadHoles, ReadLimits};
+pub use register::{FactPart, PollClass, Register, RegisterAccess, RegisterMemory, RegisterRole};
 pub use run_word::{
-    BitMeaning, OrderedWord, RunBit, RunField, RunForm, Sense, WordEffect, WordSenses, ZeroWord,
+    BitMeaning, BitSense, OrderedWord, RunBit, RunField, RunForm, WordEffect, WordSenses, ZeroWord,
 };
-pub use start::{Start, StartCondition, StartStep};
+pub use start::{StartCondition, StartStep, StartWords};
 pub use status::{
-    Barrier, BarrierRead, ClearWords, CodeText, ExceptionKind, Flag, MaskedText, MaskedWord,
-    Quirks, StateText, StatusFlag,
+    Barrier, BarrierRead, ClearWords, CodeText, DriveQuirks, ExceptionKind, IndicatedState,
+    MaskedText, MaskedWord, StateText, StatusFlag,
 };
 
 use crate::domain::address::Address;
@@ -80,7 +82,7 @@ impl Confidence {
 
     /// The word used in model files.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Manual => "manual",
             Self::SecondSource => "second-source",
@@ -114,13 +116,13 @@ pub struct Model {
     /// The product's name.
     pub title: String,
     /// Documents that the facts cite.
-    pub documents: Vec<Document>,
+    pub documents: Vec<ModelDocument>,
     /// Second sources of facts, in the order of the file.
     pub second_sources: Vec<SecondSource>,
     /// Line settings.
-    pub link: Link,
+    pub link: ModelLink,
     /// Times on the line.
-    pub timing: Timing,
+    pub timing: ModelTiming,
     /// Function codes that the drive serves.
     pub functions: Fact<Vec<u8>>,
     /// Limits of reads.
@@ -132,7 +134,7 @@ pub struct Model {
     /// What the drive means by some of them.
     pub exception_kinds: Vec<(u8, ExceptionKind)>,
     /// Deviations from the standard behaviour.
-    pub quirks: Quirks,
+    pub quirks: DriveQuirks,
     /// Exchanges after which no late reply can follow, best first.
     pub barriers: Vec<Barrier>,
     /// How run commands are given; `None` if the model cannot be commanded.
@@ -144,13 +146,13 @@ pub struct Model {
     /// Texts of warnings.
     pub warning_codes: Vec<CodeText>,
     /// How the drive takes over and stores what was written to its parameters, if it does not do so by itself.
-    pub commit: Commit,
+    pub commit: CommitWords,
     /// The settings that the drive needs before it obeys the bus, in order.
     pub setup: Vec<SetupItem>,
     /// How the drive tells what it is, if it does.
-    pub identity: Option<Identity>,
+    pub identity: Option<ModelIdentity>,
     /// The drive's own watchdog, if it is documented.
-    pub watchdog: Option<Watchdog>,
+    pub watchdog: Option<ModelWatchdog>,
     /// How codes map to addresses, if there is a rule.
     pub codes: Option<CodeRule>,
     /// The registers, in order of address, each at most once.
@@ -261,8 +263,8 @@ impl Model {
             return self.in_ram_at(address).is_none();
         };
         match register.memory {
-            Some(memory) => memory == Memory::Stored,
-            None => !register.role.is_some_and(Role::is_guarded),
+            Some(memory) => memory == RegisterMemory::Stored,
+            None => !register.role.is_some_and(RegisterRole::is_guarded),
         }
     }
 
@@ -317,7 +319,7 @@ impl Model {
 
     /// The register with `role`; the first one if there are several.
     #[must_use]
-    pub fn register_for(&self, role: Role) -> Option<&Register> {
+    pub fn register_for(&self, role: RegisterRole) -> Option<&Register> {
         self.registers
             .iter()
             .find(|register| register.role == Some(role))
@@ -340,12 +342,13 @@ impl Model {
             self.register_for(role)
                 .filter(|register| register.access.can_read())
         };
-        readable(Role::FrequencySetting).or_else(|| readable(Role::FrequencyCommand))
+        readable(RegisterRole::FrequencySetting)
+            .or_else(|| readable(RegisterRole::FrequencyCommand))
     }
 
     /// The location of `flag`.
     #[must_use]
-    pub fn status_flag(&self, flag: Flag) -> Option<&StatusFlag> {
+    pub fn status_flag(&self, flag: IndicatedState) -> Option<&StatusFlag> {
         self.status.iter().find(|it| it.flag == flag)
     }
 
@@ -354,15 +357,15 @@ impl Model {
     #[must_use]
     pub fn trip_register(&self) -> Option<&Register> {
         let flagged = self
-            .status_flag(Flag::Tripped)
+            .status_flag(IndicatedState::Tripped)
             .and_then(|flag| self.readable_at(flag.address));
         let code = || {
-            self.register_for(Role::TripCode)
-                .or_else(|| self.register_for(Role::TripBits))
+            self.register_for(RegisterRole::TripCode)
+                .or_else(|| self.register_for(RegisterRole::TripBits))
         };
         flagged
             .or_else(code)
-            .or_else(|| self.register_for(Role::TripCount))
+            .or_else(|| self.register_for(RegisterRole::TripCount))
     }
 
     /// Whether the drive serves `function`.
@@ -380,14 +383,14 @@ impl Model {
     /// The register that shows the active trips as bits, if the model has one.
     #[must_use]
     pub fn trip_bits(&self) -> Option<&Register> {
-        self.register_for(Role::TripBits)
+        self.register_for(RegisterRole::TripBits)
     }
 
     /// The register that shows the active warnings, if the model has one.
     #[must_use]
     pub fn warning_register(&self) -> Option<&Register> {
-        self.register_for(Role::WarningCode)
-            .or_else(|| self.register_for(Role::WarningBits))
+        self.register_for(RegisterRole::WarningCode)
+            .or_else(|| self.register_for(RegisterRole::WarningBits))
     }
 
     /// The vendor's text for warning `code`; of bits, the number of the bit + 1.

@@ -1,6 +1,6 @@
 //! Where each order is written, and what is written beside it: its register, the direction, the word that clears a reset.
 
-use super::{Fact, Model, OrderedWord, Role};
+use super::{Fact, Model, OrderedWord, RegisterRole};
 use crate::domain::address::Address;
 use std::time::Duration;
 
@@ -34,7 +34,7 @@ impl OrderKind {
 
     /// The word used in model files and tables.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Stop => "stop",
             Self::Forward => "forward",
@@ -108,7 +108,7 @@ impl Model {
             .iter()
             .find(|(of, _)| *of == kind)
             .map(|(_, address)| *address);
-        own.or_else(|| Some(self.register_for(Role::RunCommand)?.address))
+        own.or_else(|| Some(self.register_for(RegisterRole::RunCommand)?.address))
     }
 
     /// The register and the word of the order `kind`; `None` if the model does not have it.
@@ -164,7 +164,7 @@ impl Model {
     /// Whether run commands are written to `address`, but for the orders that have a register of their own.
     #[must_use]
     pub fn takes_run_commands(&self, address: Address) -> bool {
-        self.register_for(Role::RunCommand)
+        self.register_for(RegisterRole::RunCommand)
             .is_some_and(|register| register.address == address)
     }
 

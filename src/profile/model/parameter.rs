@@ -1,7 +1,7 @@
 //! Which registers are parameters that a tool may restore, and which of them it writes last or never.
 
-use super::{Model, Register, Role};
-use crate::domain::address::{Address, Table};
+use super::{Model, Register, RegisterRole};
+use crate::domain::address::{Address, DataTable};
 
 /// How a tool that restores parameters treats a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -23,7 +23,7 @@ pub enum ParameterKind {
 impl ParameterKind {
     /// The word used in files and answers.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Plain => "plain",
             Self::Source => "source",
@@ -59,9 +59,12 @@ impl Register {
             _ if !self.access.can_write() => ParameterKind::ReadOnly,
             _ if self.back_door.is_some() => ParameterKind::BackDoor,
             Some(
-                Role::RunCommand | Role::Order | Role::FrequencyCommand | Role::FrequencySetting,
+                RegisterRole::RunCommand
+                | RegisterRole::Order
+                | RegisterRole::FrequencyCommand
+                | RegisterRole::FrequencySetting,
             ) => ParameterKind::Command,
-            Some(Role::FrequencySource | Role::RunSource) => ParameterKind::Source,
+            Some(RegisterRole::FrequencySource | RegisterRole::RunSource) => ParameterKind::Source,
             _ if self.is_link => ParameterKind::Link,
             _ => ParameterKind::Plain,
         }
@@ -78,7 +81,7 @@ impl Model {
     /// The readable holding registers with a vendor code, in order of address.
     pub fn parameters(&self) -> impl Iterator<Item = &Register> {
         let is_parameter =
-            |it: &&Register| it.address.table() == Table::Holding && it.access.can_read();
+            |it: &&Register| it.address.table() == DataTable::Holding && it.access.can_read();
         self.registers
             .iter()
             .filter(is_parameter)

@@ -1,7 +1,7 @@
 //! What one read may cover: how many words, from where to where, and whether it may run over addresses without a register.
 
 use super::Fact;
-use crate::domain::address::{Address, Table};
+use crate::domain::address::{Address, DataTable};
 
 /// Limits of reads.
 #[derive(Clone, Debug, PartialEq)]
@@ -13,9 +13,9 @@ pub struct ReadLimits {
     /// The longest RTU frame that the drive takes or sends. The numbers of words are already as small as it demands.
     pub max_bytes: Option<Fact<u16>>,
     /// A boundary that no read may cross.
-    pub boundary: Option<Boundary>,
+    pub boundary: Option<ReadBoundary>,
     /// What the drive does about addresses without a register. `None`: it refuses the whole read.
-    pub holes: Option<Fact<Holes>>,
+    pub holes: Option<Fact<ReadHoles>>,
     /// Ranges of addresses with limits of their own, in order; no read crosses the edge of one.
     pub areas: Vec<ReadArea>,
 }
@@ -59,7 +59,7 @@ impl ReadLimits {
     pub fn reads_holes(&self) -> bool {
         self.holes
             .as_ref()
-            .is_some_and(|holes| holes.value != Holes::Refused)
+            .is_some_and(|holes| holes.value != ReadHoles::Refused)
     }
 
     fn words_to_boundary(&self, address: u16) -> u16 {
@@ -68,7 +68,7 @@ impl ReadLimits {
 
     const fn to_boundary(&self, address: u16) -> u16 {
         match self.boundary {
-            Some(Boundary::HighByte) => 0x100 - (address & 0xFF),
+            Some(ReadBoundary::HighByte) => 0x100 - (address & 0xFF),
             None => (u16::MAX - address).saturating_add(1),
         }
     }
@@ -76,14 +76,14 @@ impl ReadLimits {
 
 /// A boundary that no read may cross.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Boundary {
+pub enum ReadBoundary {
     /// A change of the address's high byte, that is, of the parameter group.
     HighByte,
 }
 
 /// What a drive does about a read of an address without a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Holes {
+pub enum ReadHoles {
     /// It answers with an exception.
     Refused,
     /// It shows 0.
@@ -96,7 +96,7 @@ pub enum Holes {
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReadArea {
     /// Its table.
-    pub table: Table,
+    pub table: DataTable,
     /// First address.
     pub from: u16,
     /// Last address.

@@ -1,6 +1,6 @@
 //! One register of a model: its address, its meaning, and its use by the gateway.
 
-use super::{Confidence, Form, MaskedText};
+use super::{Confidence, MaskedText, NumberForm};
 use crate::domain::address::Address;
 use crate::domain::units::UnitOfMeasure;
 use std::ops::RangeInclusive;
@@ -8,7 +8,7 @@ use std::time::Duration;
 
 /// What the gateway uses a register for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Role {
+pub enum RegisterRole {
     /// Run commands are written here.
     RunCommand,
     /// An order of its own is written here, or the direction of the next one.
@@ -65,7 +65,7 @@ pub enum Role {
     WarningBits,
 }
 
-impl Role {
+impl RegisterRole {
     /// Whether several registers of a model may have this role.
     #[must_use]
     pub const fn is_repeated(self) -> bool {
@@ -108,7 +108,7 @@ pub enum FactPart {
 impl FactPart {
     /// The word used in model files.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Reading => "reading",
             Self::Writing => "writing",
@@ -122,17 +122,17 @@ impl FactPart {
 
 /// The kind of memory behind a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Memory {
+pub enum RegisterMemory {
     /// Volatile: may be written any number of times.
     Ram,
     /// Non-volatile: endures a limited number of writes.
     Stored,
 }
 
-impl Memory {
+impl RegisterMemory {
     /// The word used in model files.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Ram => "ram",
             Self::Stored => "stored",
@@ -175,7 +175,7 @@ impl PollClass {
 
 /// The documented access to a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Access {
+pub enum RegisterAccess {
     /// Read only.
     Read,
     /// Write only; reading is not documented.
@@ -184,7 +184,7 @@ pub enum Access {
     ReadWrite,
 }
 
-impl Access {
+impl RegisterAccess {
     /// Whether reading is documented.
     #[must_use]
     pub const fn can_read(self) -> bool {
@@ -199,7 +199,7 @@ impl Access {
 
     /// The word for tables.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Read => "read",
             Self::Write => "write",
@@ -224,17 +224,17 @@ pub struct Register {
     /// Whether the number is in two's complement.
     pub signed: bool,
     /// How its words form the number, and the number the value.
-    pub form: Form,
+    pub form: NumberForm,
     /// Unit of the value.
     pub unit: UnitOfMeasure,
     /// Documented access.
-    pub access: Access,
+    pub access: RegisterAccess,
     /// Its use by the gateway.
-    pub role: Option<Role>,
+    pub role: Option<RegisterRole>,
     /// How often it is polled. `None`: only on request.
     pub poll: Option<PollClass>,
     /// Kind of memory. `None`: undocumented, treated as stored.
-    pub memory: Option<Memory>,
+    pub memory: Option<RegisterMemory>,
     /// The valid words, as numbers before scaling. `None`: undocumented.
     pub range: Option<RangeInclusive<i32>>,
     /// What it shows of every drive of the model, as numbers before scaling. `None`: nothing is concluded from it.

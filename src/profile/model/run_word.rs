@@ -109,7 +109,7 @@ pub enum ZeroWord {
 
 /// A meaning of some bits, and when it holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Sense {
+pub struct BitSense {
     /// The bits.
     pub mask: u16,
     /// The masked word with which it holds.
@@ -118,7 +118,7 @@ pub struct Sense {
     pub meaning: BitMeaning,
 }
 
-impl Sense {
+impl BitSense {
     /// The sense in which a single bit has this `meaning`.
     #[must_use]
     pub const fn of_bit(bit: u8, is_inverted: bool, meaning: BitMeaning) -> Self {
@@ -177,11 +177,11 @@ pub enum WordEffect {
 
 /// The meanings of all bits and fields of a model's run commands. The one place that says what a word of bits does.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct WordSenses(pub Vec<Sense>);
+pub struct WordSenses(pub Vec<BitSense>);
 
 impl WordSenses {
     /// The meanings that hold with `word`.
-    pub fn held(&self, word: u16) -> impl Iterator<Item = &Sense> {
+    pub fn held(&self, word: u16) -> impl Iterator<Item = &BitSense> {
         self.0.iter().filter(move |sense| sense.holds(word))
     }
 
@@ -269,7 +269,7 @@ impl RunForm {
         };
         let bits = bits
             .iter()
-            .map(|it| Sense::of_bit(it.bit.value, it.is_inverted, it.meaning));
+            .map(|it| BitSense::of_bit(it.bit.value, it.is_inverted, it.meaning));
         let of_field = |field: &RunField| {
             let mask = field.mask.value;
             let known = field
@@ -277,7 +277,7 @@ impl RunForm {
                 .iter()
                 .filter_map(move |(value, meaning)| Some((*value, (*meaning)?)));
             known
-                .map(move |(value, meaning)| Sense::of_field(mask, value, meaning))
+                .map(move |(value, meaning)| BitSense::of_field(mask, value, meaning))
                 .collect::<Vec<_>>()
         };
         WordSenses(bits.chain(fields.iter().flat_map(of_field)).collect())

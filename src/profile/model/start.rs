@@ -6,7 +6,7 @@ use std::time::Duration;
 
 /// The words that are written, in order, before the run word. Empty: the run word alone starts the motor.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Start {
+pub struct StartWords {
     /// The words.
     pub steps: Vec<StartStep>,
     /// The word that takes back a start that the drive does not follow. `None`: the stop word.

@@ -1,12 +1,12 @@
 //! Status, trips, exceptions, quirks, and the exchanges that rule out late replies.
 
-use super::{Confidence, Fact, Model, RamAlias, Register, Role};
+use super::{Confidence, Fact, Model, RamAlias, Register, RegisterRole};
 use crate::domain::address::Address;
 use std::time::Duration;
 
 /// A state that a status register can indicate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Flag {
+pub enum IndicatedState {
     /// The output is active or ordered to be.
     Running,
     /// The direction is reverse.
@@ -25,7 +25,7 @@ pub enum Flag {
     BusFrequency,
 }
 
-impl Flag {
+impl IndicatedState {
     /// Whether it only ever permits an order: a word that no document names then permits nothing, and is as good as clear.
     #[must_use]
     pub const fn is_permission(self) -> bool {
@@ -37,7 +37,7 @@ impl Flag {
 #[derive(Clone, Debug, PartialEq)]
 pub struct StatusFlag {
     /// The state that it indicates.
-    pub flag: Flag,
+    pub flag: IndicatedState,
     /// The register, which is polled.
     pub address: Address,
     /// The relevant bits.
@@ -121,7 +121,7 @@ impl CodeText {
         if self.confidence.is_proven() {
             self.text.clone()
         } else {
-            format!("{} ({})", self.text, self.confidence.word())
+            format!("{} ({})", self.text, self.confidence.keyword())
         }
     }
 }
@@ -157,7 +157,7 @@ impl StateText {
         let text = if confidence.is_proven() {
             text.clone()
         } else {
-            format!("{text} ({})", confidence.word())
+            format!("{text} ({})", confidence.keyword())
         };
         MaskedText {
             mask: *mask,
@@ -172,7 +172,7 @@ impl Model {
     #[must_use]
     pub fn is_essential(&self, address: Address) -> bool {
         let output = self
-            .register_for(Role::OutputFrequency)
+            .register_for(RegisterRole::OutputFrequency)
             .map(|register| register.address);
         let trips = self.trip_register().map(|register| register.address);
         let mut flags = self
@@ -230,7 +230,7 @@ pub enum ExceptionKind {
 impl ExceptionKind {
     /// The word used in model files.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Busy => "busy",
             Self::Locked => "locked",
@@ -262,7 +262,7 @@ pub struct BarrierRead {
 
 /// Named deviations of some drives. The list is closed: the core implements each one.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Quirks {
+pub struct DriveQuirks {
     /// The last two places of addresses are decimal digits: 0xFE10 follows 0xFE09.
     pub decimal_numbers: Option<Fact<()>>,
     /// Current and voltage are in percent of the drive's rated values, which the configuration must state.

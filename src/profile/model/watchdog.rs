@@ -65,7 +65,7 @@ impl Model {
 mod tests {
     use super::*;
     use crate::drive::testing::fact;
-    use crate::profile::model::Watchdog;
+    use crate::profile::model::ModelWatchdog;
 
     #[test]
     fn a_time_is_a_word_only_where_the_drive_has_just_that_time() {
@@ -85,7 +85,7 @@ mod tests {
             (None, None),
             "it has none"
         );
-        model.watchdog = Some(Watchdog {
+        model.watchdog = Some(ModelWatchdog {
             time: 0x020C_u16.into(),
             off: fact(0),
             action: None,

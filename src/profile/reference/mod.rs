@@ -155,7 +155,7 @@ fn kind(schema: &Schema, path: &str) -> String {
 mod tests {
     use super::*;
 
-    fn told() -> BTreeSet<String> {
+    fn all_keys() -> BTreeSet<String> {
         let keys = sections()
             .flat_map(|section| section.keys.iter().map(|(key, ..)| path_of(section, key)));
         let tables = sections()
@@ -173,7 +173,7 @@ mod tests {
             [""; 0],
             "no model file of this repository has these tables"
         );
-        let told = told();
+        let told = all_keys();
         let read: BTreeSet<_> = schema.paths().collect();
         let silent: Vec<_> = read.iter().filter(|path| !told.contains(**path)).collect();
         assert!(

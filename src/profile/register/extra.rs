@@ -3,15 +3,15 @@
 use super::tables::tables_are_served;
 use super::{RegisterFile, addresses_fit, codes_fit, distinct, tables_fit};
 use crate::domain::problem::Problem;
-use crate::profile::model::{Confidence, Model, Register, Role};
-use crate::toml_file::{Reader, Section, Spanned};
+use crate::profile::model::{Confidence, Model, Register, RegisterRole};
+use crate::toml_file::{LocatedValue, TableReader, TomlSection};
 use std::borrow::Cow;
 
 /// Reads a register that the gateway's configuration adds to a model: `name`, `title`, `address`, `unit` and
 /// `access`; optionally `table`, `code`, `scale`, `signed` and `poll`. Its confidence is [`Confidence::Configured`], and it
 /// has no role.
-pub fn extra_register(section: Section<'_>, problems: &mut Vec<Problem>) -> RegisterFile {
-    let mut reader = Reader::new(section, problems);
+pub fn extra_register(section: TomlSection<'_>, problems: &mut Vec<Problem>) -> RegisterFile {
+    let mut reader = TableReader::new(section, problems);
     let mut register = RegisterFile::read(&mut reader, None);
     register.origin = Some((Confidence::Configured, "configuration".to_owned()));
     reader.refuse(
@@ -73,7 +73,7 @@ fn known_since<'x>(
     let mut known = model.registers.clone();
     let mut added = Cow::Borrowed(extra);
     for register in extra {
-        let Some(Spanned {
+        let Some(LocatedValue {
             value: address,
             location,
         }) = &register.place()
@@ -120,7 +120,7 @@ fn is_harmless(model: &Model, own: &Register) -> bool {
         .any(|item| item.address == Some(own.address));
     own.back_door.is_none()
         && !own.is_link
-        && !own.role.is_some_and(Role::is_guarded)
+        && !own.role.is_some_and(RegisterRole::is_guarded)
         && !is_status
         && !is_setup
         && !model.sets_watchdog(own.address)
@@ -130,21 +130,21 @@ fn is_harmless(model: &Model, own: &Register) -> bool {
 mod tests {
     use super::*;
     use crate::profile::check;
-    use crate::profile::model::Access;
-    use crate::profile::testing::{EVERYTHING, MODEL, told};
+    use crate::profile::model::RegisterAccess;
+    use crate::profile::testing::{EVERYTHING, MODEL, problem_lines};
     use crate::toml_file::document;
 
     fn extended(model: &str, text: &str) -> (Model, String) {
         let mut problems = Vec::new();
         let document = document(text, &mut problems).unwrap();
-        let mut reader = Reader::new(document.section(), &mut problems);
+        let mut reader = TableReader::new(document.section(), &mut problems);
         let sections = reader.tables("register");
         let extra: Vec<_> = sections
             .into_iter()
             .map(|section| extra_register(section, &mut problems))
             .collect();
         let model = with_extra(&check::model(model).unwrap(), &extra, &mut problems);
-        (model, told(&problems, text))
+        (model, problem_lines(&problems, text))
     }
 
     #[test]
@@ -164,7 +164,7 @@ mod tests {
         let register = model.register_named("output_current").unwrap();
         assert_eq!(
             (register.scale, register.signed, register.access),
-            (10, false, Access::Read)
+            (10, false, RegisterAccess::Read)
         );
         assert_eq!(
             (register.confidence, register.source.as_str()),

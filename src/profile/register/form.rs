@@ -1,11 +1,15 @@
 //! The keys of a register that say how its words form a value.
 
-use super::{RegisterFile, named};
-use crate::domain::address::{Address, Table};
-use crate::profile::model::{Addend, Basis, Form, FullScale, ScaleBy, Whole, WordOrder};
+use super::{RegisterFile, find_register};
+use crate::domain::address::{Address, DataTable};
+use crate::profile::model::{
+    AddendWord, BasisRegister, FractionWhole, FullScale, NumberForm, ScaleBy, WordOrder,
+};
 use crate::profile::words::WORD_ORDERS;
-use crate::toml_file::values::Kind;
-use crate::toml_file::{Entry, Location, OptionalKey, Reader, RequiredKey, Section, Spanned};
+use crate::toml_file::values::ValueKind;
+use crate::toml_file::{
+    KeyLocation, LocatedValue, OptionalKey, RequiredKey, TableReader, TomlEntry, TomlSection,
+};
 
 /// The largest scale, in raw steps per unit.
 const MAX_SCALE: u32 = 1_000_000;
@@ -16,12 +20,12 @@ const DIRECTIONS: [(&str, ()); 1] = [("sign", ())];
 
 /// Raw steps for a number of units.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::profile) struct Steps {
+pub(in crate::profile) struct RawSteps {
     pub steps: u32,
     pub per: u32,
 }
 
-impl Steps {
+impl RawSteps {
     /// One step is one unit.
     pub const ONE: Self = Self { steps: 1, per: 1 };
 }
@@ -29,28 +33,28 @@ impl Steps {
 /// These keys as written.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(in crate::profile) struct FormFile {
-    pub words: Given<u8>,
-    pub word_order: Given<WordOrder>,
-    pub mask: Given<u16>,
-    pub exponent_mask: Given<u16>,
-    pub full_scale: Given<FullScaleFile>,
-    pub scale_by: Given<ScaleByFile>,
+    pub words: GivenKey<u8>,
+    pub word_order: GivenKey<WordOrder>,
+    pub mask: GivenKey<u16>,
+    pub exponent_mask: GivenKey<u16>,
+    pub full_scale: GivenKey<FullScaleFile>,
+    pub scale_by: GivenKey<ScaleByFile>,
     pub plus: Vec<PartFile>,
-    pub direction: Given<()>,
+    pub direction: GivenKey<()>,
 }
 
 /// An optional key that is absent by default.
 #[derive(Clone, Debug, PartialEq)]
-pub(in crate::profile) struct Given<T>(pub OptionalKey<T>);
+pub(in crate::profile) struct GivenKey<T>(pub OptionalKey<T>);
 
-impl<T> Default for Given<T> {
+impl<T> Default for GivenKey<T> {
     fn default() -> Self {
         Self(OptionalKey::Absent)
     }
 }
 
-impl<T> Given<T> {
-    pub(in crate::profile) const fn valid(&self) -> Option<&Spanned<T>> {
+impl<T> GivenKey<T> {
+    pub(in crate::profile) const fn valid(&self) -> Option<&LocatedValue<T>> {
         self.0.valid()
     }
 }
@@ -75,25 +79,25 @@ pub(in crate::profile) struct ScaleByFile {
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::profile) struct PartFile {
     pub address: RequiredKey<u16>,
-    scale: OptionalKey<Steps>,
+    scale: OptionalKey<RawSteps>,
 }
 
 impl FormFile {
-    pub(super) fn read(reader: &mut Reader<'_, '_>) -> Self {
-        let field = Kind::number(1..=u16::MAX);
+    pub(super) fn read(reader: &mut TableReader<'_, '_>) -> Self {
+        let field = ValueKind::number(1..=u16::MAX);
         Self {
-            words: Given(reader.optional("words", &Kind::number(1..=2_u8))),
-            word_order: Given(reader.optional("word_order", &Kind::one_of(&WORD_ORDERS))),
-            mask: Given(reader.optional("mask", &field)),
-            exponent_mask: Given(reader.optional("exponent_mask", &field)),
-            full_scale: Given(within(reader, "full_scale", full_scale)),
-            scale_by: Given(within(reader, "scale_by", scale_by)),
+            words: GivenKey(reader.optional("words", &ValueKind::number(1..=2_u8))),
+            word_order: GivenKey(reader.optional("word_order", &ValueKind::one_of(&WORD_ORDERS))),
+            mask: GivenKey(reader.optional("mask", &field)),
+            exponent_mask: GivenKey(reader.optional("exponent_mask", &field)),
+            full_scale: GivenKey(within(reader, "full_scale", full_scale)),
+            scale_by: GivenKey(within(reader, "scale_by", scale_by)),
             plus: reader
                 .tables("plus")
                 .into_iter()
                 .map(|section| part(reader.open(section)))
                 .collect(),
-            direction: Given(reader.optional("direction", &Kind::one_of(&DIRECTIONS))),
+            direction: GivenKey(reader.optional("direction", &ValueKind::one_of(&DIRECTIONS))),
         }
     }
 
@@ -104,16 +108,21 @@ impl FormFile {
 
     /// The bits that hold number and exponent.
     pub(in crate::profile) fn bits(&self) -> u16 {
-        let mask = |given: &Given<u16>| given.valid().map(|it| it.value);
+        let mask = |given: &GivenKey<u16>| given.valid().map(|it| it.value);
         mask(&self.mask).unwrap_or(u16::MAX) | mask(&self.exponent_mask).unwrap_or(0)
     }
 
     /// The form of a register in `table` with `scale` among `all`; `None` if any part is unusable.
-    pub(super) fn ready(&self, table: Table, scale: Steps, all: &[RegisterFile]) -> Option<Form> {
+    pub(super) fn ready(
+        &self,
+        table: DataTable,
+        scale: RawSteps,
+        all: &[RegisterFile],
+    ) -> Option<NumberForm> {
         let full_scale = self.full_scale.0.clone().optional()?;
         let scale_by = self.scale_by.0.clone().optional()?;
         let order = self.word_order.0.clone().optional()?;
-        Some(Form {
+        Some(NumberForm {
             pair: if self.words.0.or(1)? == 2 {
                 Some(order?)
             } else {
@@ -145,9 +154,9 @@ impl FullScaleFile {
         Some(FullScale {
             steps: self.steps.as_ref()?.value,
             of: if of == CONFIGURED {
-                Whole::Configured
+                FractionWhole::Configured
             } else {
-                Whole::Register(basis(of, all)?)
+                FractionWhole::Register(basis(of, all)?)
             },
             from: from
                 .map(|name| basis(&name, all))
@@ -159,7 +168,7 @@ impl FullScaleFile {
 
 impl ScaleByFile {
     fn ready(&self, all: &[RegisterFile]) -> Option<ScaleBy> {
-        let Basis { address, mask, .. } = basis(&self.register.as_ref()?.value, all)?;
+        let BasisRegister { address, mask, .. } = basis(&self.register.as_ref()?.value, all)?;
         Some(ScaleBy {
             address,
             mask,
@@ -170,9 +179,9 @@ impl ScaleByFile {
 
 impl PartFile {
     /// The word in the `table` of its register.
-    fn ready(&self, table: Table) -> Option<Addend> {
-        let scale = self.scale.or(Steps::ONE)?;
-        Some(Addend {
+    fn ready(&self, table: DataTable) -> Option<AddendWord> {
+        let scale = self.scale.or(RawSteps::ONE)?;
+        Some(AddendWord {
             address: Address::new(table, self.address.as_ref()?.value),
             scale: scale.steps,
             per: scale.per,
@@ -181,10 +190,10 @@ impl PartFile {
 }
 
 /// The register called `name` as the basis of another one.
-fn basis(name: &str, all: &[RegisterFile]) -> Option<Basis> {
-    let register = named(name, all)?;
-    let scale = register.scale.or(Steps::ONE)?;
-    Some(Basis {
+fn basis(name: &str, all: &[RegisterFile]) -> Option<BasisRegister> {
+    let register = find_register(name, all)?;
+    let scale = register.scale.or(RawSteps::ONE)?;
+    Some(BasisRegister {
         address: register.place()?.value,
         mask: register.form.mask.0.or(u16::MAX)?,
         signed: register.signed.or(false)?,
@@ -194,33 +203,33 @@ fn basis(name: &str, all: &[RegisterFile]) -> Option<Basis> {
 }
 
 /// The optional key `key`: a whole number of steps per unit, or a table with `steps` and `per`.
-pub(super) fn steps(reader: &mut Reader<'_, '_>, key: &'static str) -> OptionalKey<Steps> {
-    match reader.value_or_table(key, &Kind::number(1..=MAX_SCALE)) {
+pub(super) fn steps(reader: &mut TableReader<'_, '_>, key: &'static str) -> OptionalKey<RawSteps> {
+    match reader.value_or_table(key, &ValueKind::number(1..=MAX_SCALE)) {
         OptionalKey::Absent => OptionalKey::Absent,
         OptionalKey::Invalid => OptionalKey::Invalid,
-        OptionalKey::Valid(Spanned {
-            value: Entry::Value(steps),
+        OptionalKey::Valid(LocatedValue {
+            value: TomlEntry::Value(steps),
             location,
-        }) => OptionalKey::Valid(Spanned {
-            value: Steps {
+        }) => OptionalKey::Valid(LocatedValue {
+            value: RawSteps {
                 steps: steps.value,
                 per: 1,
             },
             location,
         }),
-        OptionalKey::Valid(Spanned {
-            value: Entry::Table(section),
+        OptionalKey::Valid(LocatedValue {
+            value: TomlEntry::Table(section),
             location,
         }) => {
             let mut inner = reader.open(section);
-            let steps = inner.required("steps", &Kind::number(1..=MAX_SCALE));
-            let per = inner.required("per", &Kind::number(1..=MAX_SCALE));
+            let steps = inner.required("steps", &ValueKind::number(1..=MAX_SCALE));
+            let per = inner.required("per", &ValueKind::number(1..=MAX_SCALE));
             inner.finish();
             let (Some(steps), Some(per)) = (steps, per) else {
                 return OptionalKey::Invalid;
             };
-            OptionalKey::Valid(Spanned {
-                value: Steps {
+            OptionalKey::Valid(LocatedValue {
+                value: RawSteps {
                     steps: steps.value,
                     per: per.value,
                 },
@@ -231,33 +240,33 @@ pub(super) fn steps(reader: &mut Reader<'_, '_>, key: &'static str) -> OptionalK
 }
 
 fn within<T>(
-    reader: &mut Reader<'_, '_>,
+    reader: &mut TableReader<'_, '_>,
     key: &'static str,
-    read: fn(Reader<'_, '_>) -> T,
+    read: fn(TableReader<'_, '_>) -> T,
 ) -> OptionalKey<T> {
     match reader.table(key) {
         OptionalKey::Absent => OptionalKey::Absent,
         OptionalKey::Invalid => OptionalKey::Invalid,
-        OptionalKey::Valid(Spanned { value, location }) => OptionalKey::Valid(Spanned {
+        OptionalKey::Valid(LocatedValue { value, location }) => OptionalKey::Valid(LocatedValue {
             value: read(reader.open(value)),
             location,
         }),
     }
 }
 
-fn full_scale(mut reader: Reader<'_, '_>) -> FullScaleFile {
+fn full_scale(mut reader: TableReader<'_, '_>) -> FullScaleFile {
     let file = FullScaleFile {
-        steps: reader.required("steps", &Kind::number(1..=MAX_SCALE)),
-        of: reader.required("of", &Kind::text()),
-        from: reader.optional("from", &Kind::text()),
-        parameter: reader.optional("parameter", &Kind::text()),
+        steps: reader.required("steps", &ValueKind::number(1..=MAX_SCALE)),
+        of: reader.required("of", &ValueKind::text()),
+        from: reader.optional("from", &ValueKind::text()),
+        parameter: reader.optional("parameter", &ValueKind::text()),
     };
     reader.finish();
     file
 }
 
-fn scale_by(mut reader: Reader<'_, '_>) -> ScaleByFile {
-    let register = reader.required("register", &Kind::text());
+fn scale_by(mut reader: TableReader<'_, '_>) -> ScaleByFile {
+    let register = reader.required("register", &ValueKind::text());
     let steps = reader
         .required_table("steps")
         .and_then(|section| words_and_steps(&mut reader, section));
@@ -267,11 +276,11 @@ fn scale_by(mut reader: Reader<'_, '_>) -> ScaleByFile {
 
 /// The table `steps`: raw steps per unit by the word of the other register.
 fn words_and_steps<'a>(
-    reader: &mut Reader<'a, '_>,
-    section: Section<'a>,
+    reader: &mut TableReader<'a, '_>,
+    section: TomlSection<'a>,
 ) -> Option<Vec<(u16, u32)>> {
-    let location: Location = section.location.clone();
-    let entries = reader.open(section).all(&Kind::number(1..=MAX_SCALE));
+    let location: KeyLocation = section.location.clone();
+    let entries = reader.open(section).all(&ValueKind::number(1..=MAX_SCALE));
     if entries.is_empty() {
         reader.problems().push(
             location
@@ -301,8 +310,8 @@ fn words_and_steps<'a>(
     Some(steps)
 }
 
-fn part(mut reader: Reader<'_, '_>) -> PartFile {
-    let address = reader.required("address", &Kind::address());
+fn part(mut reader: TableReader<'_, '_>) -> PartFile {
+    let address = reader.required("address", &ValueKind::address());
     let scale = steps(&mut reader, "scale");
     reader.finish();
     PartFile { address, scale }

@@ -5,21 +5,23 @@ mod form;
 mod rules;
 mod tables;
 
-use crate::domain::address::{Address, Table};
+use crate::domain::address::{Address, DataTable};
 use crate::domain::problem::Problem;
 pub use extra::{extra_register, with_extra};
-pub(super) use form::{CONFIGURED, FormFile, Steps};
+pub(super) use form::{CONFIGURED, FormFile, RawSteps};
 pub(super) use rules::{addresses_fit, codes_fit, distinct, has_decimal_digits};
 pub(super) use tables::{called, read_by, tables_fit, written_by};
 
 use super::file::Origin;
-use super::model::{Access, CodeRule, FactPart, Memory, PollClass, Register, Role};
+use super::model::{
+    CodeRule, FactPart, PollClass, Register, RegisterAccess, RegisterMemory, RegisterRole,
+};
 use super::scale::steps;
 use super::words::{ACCESSES, MEMORIES, PARTS, POLL_CLASSES, ROLES, TABLES};
 use crate::domain::units::UnitOfMeasure;
-use crate::toml_file::values::Kind;
+use crate::toml_file::values::ValueKind;
 use crate::toml_file::words::UNITS;
-use crate::toml_file::{OptionalKey, Reader, RequiredKey, Spanned};
+use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader};
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
@@ -33,9 +35,9 @@ pub struct RegisterFile {
     pub(super) name: RequiredKey<String>,
     pub(super) code: OptionalKey<String>,
     pub(super) address: RequiredKey<u16>,
-    pub(super) table: OptionalKey<Table>,
-    pub(super) access: RequiredKey<Access>,
-    pub(super) role: OptionalKey<Role>,
+    pub(super) table: OptionalKey<DataTable>,
+    pub(super) access: RequiredKey<RegisterAccess>,
+    pub(super) role: OptionalKey<RegisterRole>,
     pub(super) unit: RequiredKey<UnitOfMeasure>,
     pub(super) poll: OptionalKey<PollClass>,
     pub(super) back_door: OptionalKey<String>,
@@ -43,15 +45,15 @@ pub struct RegisterFile {
     pub(super) deaf_after: OptionalKey<Duration>,
     pub(super) no_reply: OptionalKey<bool>,
     title: RequiredKey<String>,
-    pub(super) scale: OptionalKey<Steps>,
+    pub(super) scale: OptionalKey<RawSteps>,
     pub(super) signed: OptionalKey<bool>,
     pub(super) form: FormFile,
-    pub(in crate::profile) memory: OptionalKey<Memory>,
+    pub(in crate::profile) memory: OptionalKey<RegisterMemory>,
     range: OptionalKey<RangeInclusive<i32>>,
     pub(super) plausible: OptionalKey<RangeInclusive<i32>>,
     meanings: Vec<(u16, String)>,
     origin: Option<Origin>,
-    pub(super) not_stated: OptionalKey<Vec<Spanned<FactPart>>>,
+    pub(super) not_stated: OptionalKey<Vec<LocatedValue<FactPart>>>,
 }
 
 impl RegisterFile {
@@ -61,22 +63,22 @@ impl RegisterFile {
     }
 
     /// Its address with its table; `None` if one of them is unusable.
-    pub(in crate::profile) fn place(&self) -> Option<Spanned<Address>> {
-        let Spanned { value, location } = self.address.as_ref()?;
-        let address = Address::new(self.table.or(Table::Holding)?, *value);
-        Some(Spanned {
+    pub(in crate::profile) fn place(&self) -> Option<LocatedValue<Address>> {
+        let LocatedValue { value, location } = self.address.as_ref()?;
+        let address = Address::new(self.table.or(DataTable::Holding)?, *value);
+        Some(LocatedValue {
             value: address,
             location: location.clone(),
         })
     }
 
     /// Its table, if that is usable.
-    pub(in crate::profile) fn in_table(&self) -> Option<Table> {
-        self.table.or(Table::Holding)
+    pub(in crate::profile) fn in_table(&self) -> Option<DataTable> {
+        self.table.or(DataTable::Holding)
     }
 
     /// Where its range is.
-    pub(in crate::profile) fn range_location(&self) -> Option<&crate::toml_file::Location> {
+    pub(in crate::profile) fn range_location(&self) -> Option<&crate::toml_file::KeyLocation> {
         self.range.valid().map(|range| &range.location)
     }
 
@@ -94,7 +96,7 @@ impl RegisterFile {
     /// The register, whose value may depend on others of `all`; `None` if any part is unusable.
     pub(super) fn register_among(&self, all: &[Self]) -> Option<Register> {
         let (confidence, source) = self.origin.clone()?;
-        let scale = self.scale.or(Steps::ONE)?;
+        let scale = self.scale.or(RawSteps::ONE)?;
         Some(Register {
             name: self.name.as_ref()?.value.clone(),
             title: self.title.as_ref()?.value.clone(),
@@ -128,24 +130,24 @@ impl RegisterFile {
     }
 
     /// The keys common to all registers; `rule` gives the address of a register that states only its code.
-    fn read(reader: &mut Reader<'_, '_>, rule: Option<&CodeRule>) -> Self {
+    fn read(reader: &mut TableReader<'_, '_>, rule: Option<&CodeRule>) -> Self {
         let name = reader.required(
             "name",
-            &Kind::parsed("snake_case: a to z, 0 to 9 and `_`, a letter first", name),
+            &ValueKind::parsed("snake_case: a to z, 0 to 9 and `_`, a letter first", name),
         );
-        let title = reader.required("title", &Kind::text());
-        let code = reader.optional("code", &Kind::text());
+        let title = reader.required("title", &ValueKind::text());
+        let code = reader.optional("code", &ValueKind::text());
         let register = Self {
             address: read_address(reader, &code, rule),
-            table: reader.optional("table", &Kind::one_of(&TABLES)),
+            table: reader.optional("table", &ValueKind::one_of(&TABLES)),
             name,
             title,
             code,
             scale: form::steps(reader, "scale"),
-            signed: reader.optional("signed", &Kind::flag()),
-            unit: reader.required("unit", &Kind::one_of(&UNITS)),
-            access: reader.required("access", &Kind::one_of(&ACCESSES)),
-            poll: reader.optional("poll", &Kind::one_of(&POLL_CLASSES)),
+            signed: reader.optional("signed", &ValueKind::flag()),
+            unit: reader.required("unit", &ValueKind::one_of(&UNITS)),
+            access: reader.required("access", &ValueKind::one_of(&ACCESSES)),
+            poll: reader.optional("poll", &ValueKind::one_of(&POLL_CLASSES)),
             form: FormFile::default(),
             role: OptionalKey::Absent,
             memory: OptionalKey::Absent,
@@ -176,25 +178,25 @@ impl RegisterFile {
 
     /// One `[[register]]` of a model file whose confidence and source have already been read.
     pub(super) fn of_model(
-        mut reader: Reader<'_, '_>,
+        mut reader: TableReader<'_, '_>,
         origin: Option<Origin>,
         rule: Option<&CodeRule>,
     ) -> Self {
         let mut register = Self::read(&mut reader, rule);
-        register.role = reader.optional("role", &Kind::one_of(&ROLES));
+        register.role = reader.optional("role", &ValueKind::one_of(&ROLES));
         register.form = FormFile::read(&mut reader);
-        register.memory = reader.optional("memory", &Kind::one_of(&MEMORIES));
+        register.memory = reader.optional("memory", &ValueKind::one_of(&MEMORIES));
         register.range = register.read_range(&mut reader, "range");
         register.plausible = register.read_range(&mut reader, "plausible");
         register.meanings = meanings(&mut reader, "values");
-        register.back_door = reader.optional("back_door", &Kind::text());
-        register.is_link = reader.optional("link", &Kind::flag());
+        register.back_door = reader.optional("back_door", &ValueKind::text());
+        register.is_link = reader.optional("link", &ValueKind::flag());
         register.deaf_after = reader.optional(
             "deaf_after",
-            &Kind::duration(Duration::from_millis(1)..=DEAF_MAX),
+            &ValueKind::duration(Duration::from_millis(1)..=DEAF_MAX),
         );
-        register.no_reply = reader.optional("no_reply", &Kind::flag());
-        register.not_stated = reader.list("not_stated", &Kind::one_of(&PARTS));
+        register.no_reply = reader.optional("no_reply", &ValueKind::flag());
+        register.not_stated = reader.list("not_stated", &ValueKind::one_of(&PARTS));
         register.origin = origin;
         reader.finish();
         register
@@ -205,15 +207,15 @@ impl RegisterFile {
     /// The range `key` in the register's unit, as numbers before scaling.
     fn read_range(
         &self,
-        reader: &mut Reader<'_, '_>,
+        reader: &mut TableReader<'_, '_>,
         key: &'static str,
     ) -> OptionalKey<RangeInclusive<i32>> {
         // No register exceeds this range, whatever its scale.
-        let ends = Kind::decimal(f64::from(i16::MIN)..=f64::from(u16::MAX));
+        let ends = ValueKind::decimal(f64::from(i16::MIN)..=f64::from(u16::MAX));
         let (list, location) = match reader.list(key, &ends) {
             OptionalKey::Absent => return OptionalKey::Absent,
             OptionalKey::Invalid => return OptionalKey::Invalid,
-            OptionalKey::Valid(Spanned { value, location }) => (value, location),
+            OptionalKey::Valid(LocatedValue { value, location }) => (value, location),
         };
         let [least, most] = &list[..] else {
             let what = match list.len() {
@@ -227,10 +229,11 @@ impl RegisterFile {
             );
             return OptionalKey::Invalid;
         };
-        let (Some(scale), Some(signed)) = (self.scale.or(Steps::ONE), self.signed.or(false)) else {
+        let (Some(scale), Some(signed)) = (self.scale.or(RawSteps::ONE), self.signed.or(false))
+        else {
             return OptionalKey::Invalid;
         };
-        let mut raw = |end: &Spanned<f64>| {
+        let mut raw = |end: &LocatedValue<f64>| {
             let problem = |wrong| end.location.problem(format!("{} is {wrong}", end.value));
             let report = |wrong| {
                 reader
@@ -249,7 +252,7 @@ impl RegisterFile {
                 .push(problem.right("the least value first"));
             return OptionalKey::Invalid;
         }
-        OptionalKey::Valid(Spanned {
+        OptionalKey::Valid(LocatedValue {
             value: low..=high,
             location,
         })
@@ -258,17 +261,17 @@ impl RegisterFile {
 
 /// `address`, or the address of `code`.
 fn read_address(
-    reader: &mut Reader<'_, '_>,
+    reader: &mut TableReader<'_, '_>,
     code: &OptionalKey<String>,
     rule: Option<&CodeRule>,
 ) -> RequiredKey<u16> {
-    let kind = Kind::address();
+    let kind = ValueKind::address();
     match (reader.optional("address", &kind), code.valid()) {
         (OptionalKey::Valid(address), _) => Some(address),
         (OptionalKey::Invalid, _) => None,
         (OptionalKey::Absent, code) => {
-            let by_code = |code: &Spanned<String>| {
-                Some(Spanned {
+            let by_code = |code: &LocatedValue<String>| {
+                Some(LocatedValue {
                     value: rule?.address(&code.value)?,
                     location: code.location.clone(),
                 })
@@ -286,8 +289,8 @@ fn read_address(
 }
 
 /// The table `values`: the meanings of a register's words, in order of the words.
-pub(super) fn meanings(reader: &mut Reader<'_, '_>, key: &'static str) -> Vec<(u16, String)> {
-    let OptionalKey::Valid(Spanned {
+pub(super) fn meanings(reader: &mut TableReader<'_, '_>, key: &'static str) -> Vec<(u16, String)> {
+    let OptionalKey::Valid(LocatedValue {
         value: section,
         location,
     }) = reader.table(key)
@@ -296,7 +299,7 @@ pub(super) fn meanings(reader: &mut Reader<'_, '_>, key: &'static str) -> Vec<(u
     };
     let inner = reader.open(section);
     let is_empty = inner.is_empty();
-    let all = inner.all(&Kind::text());
+    let all = inner.all(&ValueKind::text());
     if is_empty {
         reader.problems().push(
             location
@@ -312,9 +315,9 @@ pub(super) fn meanings(reader: &mut Reader<'_, '_>, key: &'static str) -> Vec<(u
 
 /// The entries of a table whose keys are words in decimal, in their order. Other keys are reported and omitted.
 pub(super) fn words_of<T>(
-    entries: Vec<(String, Spanned<T>)>,
+    entries: Vec<(String, LocatedValue<T>)>,
     problems: &mut Vec<Problem>,
-) -> Vec<(u16, Spanned<T>)> {
+) -> Vec<(u16, LocatedValue<T>)> {
     let mut words = Vec::new();
     for (key, value) in entries {
         // A leading zero or sign would allow the same word twice.
@@ -338,11 +341,16 @@ pub(super) fn words_of<T>(
 
 /// The address of the register called `name`.
 pub(super) fn address_of(name: &str, registers: &[RegisterFile]) -> Option<Address> {
-    named(name, registers)?.place().map(|place| place.value)
+    find_register(name, registers)?
+        .place()
+        .map(|place| place.value)
 }
 
 /// The register called `name`.
-pub(super) fn named<'f>(name: &str, registers: &'f [RegisterFile]) -> Option<&'f RegisterFile> {
+pub(super) fn find_register<'f>(
+    name: &str,
+    registers: &'f [RegisterFile],
+) -> Option<&'f RegisterFile> {
     registers
         .iter()
         .find(|register| register.name.as_ref().is_some_and(|it| it.value == name))
@@ -373,7 +381,7 @@ mod tests {
             (register("status").range.clone(), register("status").memory),
             (None, None)
         );
-        assert_eq!(register("run_source").memory, Some(Memory::Stored));
+        assert_eq!(register("run_source").memory, Some(RegisterMemory::Stored));
         let words: Vec<_> = register("run_source")
             .meanings
             .iter()

@@ -3,8 +3,8 @@
 use super::RegisterFile;
 use crate::domain::address::Address;
 use crate::domain::problem::Problem;
-use crate::profile::model::{Access, CodeRule, Register, Role};
-use crate::toml_file::{Location, Spanned};
+use crate::profile::model::{CodeRule, Register, RegisterAccess, RegisterRole};
+use crate::toml_file::{KeyLocation, LocatedValue};
 use std::collections::BTreeMap;
 
 /// Reports each register of `written` whose name, code, address or role is already used by an earlier one or by
@@ -29,7 +29,7 @@ pub(in crate::profile) fn distinct(
                 .as_ref()
                 .map(|code| (code.to_lowercase(), owner.clone())),
         );
-        let place = Occupied {
+        let place = OccupiedAddress {
             owner,
             access: register.access,
             bits: register.form.mask | register.form.exponent_mask,
@@ -49,8 +49,8 @@ pub(in crate::profile) fn distinct(
 #[derive(Default)]
 struct UsedNames {
     labels: BTreeMap<String, String>,
-    addresses: BTreeMap<Address, Vec<Occupied>>,
-    roles: BTreeMap<Role, String>,
+    addresses: BTreeMap<Address, Vec<OccupiedAddress>>,
+    roles: BTreeMap<RegisterRole, String>,
     /// The model is finished: what others add shares no address with it.
     is_extended: bool,
 }
@@ -104,20 +104,21 @@ impl UsedNames {
 
 /// What a register takes of an address.
 #[derive(Clone)]
-struct Occupied {
+struct OccupiedAddress {
     owner: String,
-    access: Access,
+    access: RegisterAccess,
     /// The bits of a field; all for a register without one.
     bits: u16,
 }
 
-impl Occupied {
+impl OccupiedAddress {
     /// Whether both may be at one address: fields without a common bit that are only read, or one that is only read and
     /// one that is only written.
     fn may_share(&self, other: &Self) -> bool {
         match (self.access, other.access) {
-            (Access::Read, Access::Write) | (Access::Write, Access::Read) => true,
-            (Access::Read, Access::Read) => self.bits & other.bits == 0,
+            (RegisterAccess::Read, RegisterAccess::Write)
+            | (RegisterAccess::Write, RegisterAccess::Read) => true,
+            (RegisterAccess::Read, RegisterAccess::Read) => self.bits & other.bits == 0,
             _ => false,
         }
     }
@@ -128,19 +129,19 @@ impl UsedNames {
     fn claim_words(
         &mut self,
         register: &RegisterFile,
-        address: &Spanned<Address>,
+        address: &LocatedValue<Address>,
         problems: &mut Vec<Problem>,
     ) {
         let access = register
             .access
             .as_ref()
-            .map_or(Access::ReadWrite, |access| access.value);
+            .map_or(RegisterAccess::ReadWrite, |access| access.value);
         let bits = if register.form.is_pair() {
             u16::MAX
         } else {
             register.form.bits()
         };
-        let place = Occupied {
+        let place = OccupiedAddress {
             owner: address.location.key.clone(),
             access,
             bits,
@@ -165,7 +166,7 @@ fn claim<T: Ord>(
     taken: &mut BTreeMap<T, String>,
     value: T,
     called: &str,
-    location: &Location,
+    location: &KeyLocation,
     problems: &mut Vec<Problem>,
 ) {
     match taken.get(&value) {

@@ -1,37 +1,37 @@
 //! Rules between registers and the tables of the Modbus data model that they are in.
 
 use super::RegisterFile;
-use crate::domain::address::Table;
+use crate::domain::address::DataTable;
 use crate::domain::problem::Problem;
-use crate::profile::model::Role;
-use crate::toml_file::{Location, OptionalKey};
+use crate::profile::model::RegisterRole;
+use crate::toml_file::{KeyLocation, OptionalKey};
 use crate::wire::pdu::function;
 
 /// What an address of each table is called in messages.
-pub(in crate::profile) const fn called(table: Table) -> &'static str {
+pub(in crate::profile) const fn called(table: DataTable) -> &'static str {
     match table {
-        Table::Holding => "a holding register",
-        Table::Input => "an input register",
-        Table::Coil => "a coil",
-        Table::Discrete => "a discrete input",
+        DataTable::Holding => "a holding register",
+        DataTable::Input => "an input register",
+        DataTable::Coil => "a coil",
+        DataTable::Discrete => "a discrete input",
     }
 }
 
 /// The function that reads `table`.
-pub(in crate::profile) const fn read_by(table: Table) -> u8 {
+pub(in crate::profile) const fn read_by(table: DataTable) -> u8 {
     match table {
-        Table::Holding => function::READ_HOLDING,
-        Table::Input => function::READ_INPUT,
-        Table::Coil => function::READ_COILS,
-        Table::Discrete => function::READ_DISCRETE,
+        DataTable::Holding => function::READ_HOLDING,
+        DataTable::Input => function::READ_INPUT,
+        DataTable::Coil => function::READ_COILS,
+        DataTable::Discrete => function::READ_DISCRETE,
     }
 }
 
 /// The functions that write `table`, each of which suffices.
-pub(in crate::profile) const fn written_by(table: Table) -> [u8; 2] {
+pub(in crate::profile) const fn written_by(table: DataTable) -> [u8; 2] {
     match table {
-        Table::Coil | Table::Discrete => [function::WRITE_COIL, function::WRITE_COILS],
-        Table::Holding | Table::Input => [function::WRITE_SINGLE, function::WRITE_MULTIPLE],
+        DataTable::Coil | DataTable::Discrete => [function::WRITE_COIL, function::WRITE_COILS],
+        DataTable::Holding | DataTable::Input => [function::WRITE_SINGLE, function::WRITE_MULTIPLE],
     }
 }
 
@@ -59,10 +59,10 @@ pub(in crate::profile) fn tables_fit(written: &[RegisterFile], problems: &mut Ve
 }
 
 /// A bit is 0 or 1, and nothing else.
-fn bit_is_plain(register: &RegisterFile, table: Table, problems: &mut Vec<Problem>) {
+fn bit_is_plain(register: &RegisterFile, table: DataTable, problems: &mut Vec<Problem>) {
     let what = format!("{} is 0 or 1", called(table));
     let form = &register.form;
-    let keys: [Option<&Location>; 10] = [
+    let keys: [Option<&KeyLocation>; 10] = [
         register.scale.valid().map(|it| &it.location),
         register.signed.valid().map(|it| &it.location),
         register.range.valid().map(|it| &it.location),
@@ -93,7 +93,10 @@ fn bit_is_plain(register: &RegisterFile, table: Table, problems: &mut Vec<Proble
     };
     if !matches!(
         role.value,
-        Role::RunCommand | Role::Order | Role::RunSource | Role::FrequencySource
+        RegisterRole::RunCommand
+            | RegisterRole::Order
+            | RegisterRole::RunSource
+            | RegisterRole::FrequencySource
     ) {
         let problem = role
             .location

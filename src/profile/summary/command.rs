@@ -58,8 +58,13 @@ fn orders(model: &Model, run: &RunCommand) -> Vec<Row> {
         .into_iter()
         .filter(is_given)
         .filter_map(|kind| Some((kind, run.word(kind)?)));
-    let words =
-        all.map(|(kind, fact)| row(kind.word(), order_word(model, run, kind, fact.value), fact));
+    let words = all.map(|(kind, fact)| {
+        row(
+            kind.keyword(),
+            order_word(model, run, kind, fact.value),
+            fact,
+        )
+    });
     let bits = [
         ("a stop keeps of a run word", run.stop_bits.keeps),
         ("a stop changes in it", run.stop_bits.drops),
@@ -245,15 +250,15 @@ pub(super) fn unproven_actions(model: &Model, run: &RunCommand) -> Vec<Row> {
             .unwrap_or_default();
         let source = format!("{}: {}{also}", it.what, it.source);
         vec![
-            ControlAction::Basic.word().to_owned(),
-            it.confidence.word().to_owned(),
+            ControlAction::Basic.keyword().to_owned(),
+            it.confidence.keyword().to_owned(),
             source,
         ]
     });
     let unproven = run.unproven().map(|(action, fact)| {
         vec![
-            action.word().to_owned(),
-            fact.confidence.word().to_owned(),
+            action.keyword().to_owned(),
+            fact.confidence.keyword().to_owned(),
             fact.source.clone(),
         ]
     });
@@ -322,7 +327,7 @@ pub(super) fn setup(model: &Model) -> Vec<Row> {
             item.text.clone(),
             setting,
             interface.to_owned(),
-            item.values.confidence.word().to_owned(),
+            item.values.confidence.keyword().to_owned(),
             item.values.source.clone(),
         ]
     });

@@ -11,7 +11,7 @@ pub(super) fn row<T>(name: &str, value: impl Display, fact: &Fact<T>) -> Row {
     vec![
         name.to_owned(),
         value.to_string(),
-        fact.confidence.word().to_owned(),
+        fact.confidence.keyword().to_owned(),
         fact.source.clone(),
     ]
 }

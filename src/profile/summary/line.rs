@@ -3,14 +3,15 @@
 use super::layout::{Row, list, row};
 use crate::domain::address::Address;
 use crate::profile::model::{
-    Barrier, Boundary, Fact, Holes, Link, Model, Quirks, RamAlias, ReadLimits, Timing,
+    Barrier, DriveQuirks, Fact, Model, ModelLink, ModelTiming, RamAlias, ReadBoundary, ReadHoles,
+    ReadLimits,
 };
 use crate::profile::words::REFUSED_WRITES;
 use crate::toml_file::values::duration_text;
 use crate::toml_file::words::{FRAMINGS, INTERFACES, PARITIES, word_for};
 use std::time::Duration;
 
-pub(super) fn link(link: &Link) -> Vec<Row> {
+pub(super) fn link(link: &ModelLink) -> Vec<Row> {
     let parities = link
         .parities
         .value
@@ -56,7 +57,7 @@ pub(super) fn link(link: &Link) -> Vec<Row> {
     rows
 }
 
-pub(super) fn timing(timing: &Timing) -> Vec<Row> {
+pub(super) fn timing(timing: &ModelTiming) -> Vec<Row> {
     let time = |name: &str, fact: &Fact<Duration>| row(name, duration_text(fact.value), fact);
     let mut rows = vec![
         row(
@@ -126,9 +127,9 @@ pub(super) fn reads_and_writes(model: &Model) -> Vec<Row> {
     }
     if let Some(holes) = &read.holes {
         let value = match holes.value {
-            Holes::Refused => "refuse a read",
-            Holes::Zero => "read as 0: an answer proves nothing",
-            Holes::Read => "can be read: an answer proves nothing",
+            ReadHoles::Refused => "refuse a read",
+            ReadHoles::Zero => "read as 0: an answer proves nothing",
+            ReadHoles::Read => "can be read: an answer proves nothing",
         };
         rows.push(row("addresses without a register", value, holes));
     }
@@ -153,7 +154,7 @@ fn functions(functions: &[u8]) -> String {
 
 fn words_in_one_read(read: &ReadLimits) -> String {
     let boundary = match read.boundary {
-        Some(Boundary::HighByte) => ", one high byte of the address",
+        Some(ReadBoundary::HighByte) => ", one high byte of the address",
         None => "",
     };
     format!("{}{boundary}", up_to(read.max_words.value))
@@ -183,19 +184,19 @@ pub(super) fn exceptions(model: &Model) -> Vec<Row> {
             .and_then(|code| model.exception_kind(code));
         let text = kind.map_or_else(
             || it.text.clone(),
-            |kind| format!("{} ({})", it.text, kind.word()),
+            |kind| format!("{} ({})", it.text, kind.keyword()),
         );
         vec![
             format!("{:02X} hex", it.code),
             text,
-            it.confidence.word().to_owned(),
+            it.confidence.keyword().to_owned(),
             it.source.clone(),
         ]
     });
     rows.collect()
 }
 
-pub(super) fn quirks(quirks: &Quirks) -> Vec<Row> {
+pub(super) fn quirks(quirks: &DriveQuirks) -> Vec<Row> {
     let switches = [
         (
             "decimal_numbers",

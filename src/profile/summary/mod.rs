@@ -5,19 +5,19 @@ mod layout;
 mod line;
 mod registers;
 
-use super::model::{Document, Model, Register, RunCommand};
+use super::model::{Model, ModelDocument, Register, RunCommand};
 use layout::{Row, list, section};
 
 /// The documents, each with its kind, the models it covers, and the highest confidence it supports.
 fn documents(model: &Model) -> Vec<Row> {
-    let row = |document: &Document| {
+    let row = |document: &ModelDocument| {
         let of = if document.is_of(&model.id) {
             "this model".to_owned()
         } else {
             list(&document.of)
         };
-        let kind = document.kind.word().to_owned();
-        let best = document.best(&model.id).word();
+        let kind = document.kind.keyword().to_owned();
+        let best = document.best(&model.id).keyword();
         let from = document
             .made_from
             .as_ref()

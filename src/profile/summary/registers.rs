@@ -3,9 +3,10 @@
 use super::layout::{Row, choice, list, row};
 use crate::domain::address::Address;
 use crate::profile::model::{
-    ClearWords, CodeRule, CodeText, MaskedWord, Model, Register, Role, StatusFlag, Whole,
+    ClearWords, CodeRule, CodeText, FractionWhole, MaskedWord, Model, Register, RegisterRole,
+    StatusFlag,
 };
-use crate::profile::scale::Scaled;
+use crate::profile::scale::ScaledValue;
 use crate::profile::words::{FLAGS, POLL_CLASSES};
 use crate::toml_file::values::duration_text;
 use crate::toml_file::words::word_for;
@@ -39,14 +40,14 @@ pub(super) fn registers(registers: &[Register]) -> Vec<Row> {
 }
 
 fn register(register: &Register) -> Row {
-    let memory = register.memory.map_or("-", |memory| memory.word());
+    let memory = register.memory.map_or("-", |memory| memory.keyword());
     vec![
         address(register),
         register.code.clone().unwrap_or_else(|| "-".to_owned()),
         register.name.clone(),
         register.unit.to_string(),
         scale(register),
-        register.access.word().to_owned(),
+        register.access.keyword().to_owned(),
         register
             .poll
             .map_or("-", |poll| word_for(&POLL_CLASSES, &poll))
@@ -88,8 +89,8 @@ fn scale(register: &Register) -> String {
     let mut text = match (&form.full_scale, &form.scale_by) {
         (Some(scale), _) => {
             let of = match &scale.of {
-                Whole::Register(basis) => basis.address.to_string(),
-                Whole::Configured | Whole::Fixed(_) => match &scale.parameter {
+                FractionWhole::Register(basis) => basis.address.to_string(),
+                FractionWhole::Configured | FractionWhole::Fixed(_) => match &scale.parameter {
                     Some(parameter) => format!("full_scale_hz ({parameter})"),
                     None => "full_scale_hz".to_owned(),
                 },
@@ -122,7 +123,7 @@ fn scale(register: &Register) -> String {
         ));
     }
     if let Some(order) = form.pair {
-        text.push_str(&format!(" {}", order.word()));
+        text.push_str(&format!(" {}", order.keyword()));
     }
     if register.signed {
         text.push_str(if form.sign_is_direction {
@@ -136,19 +137,19 @@ fn scale(register: &Register) -> String {
 
 /// The confidence of the row, and the parts that it does not cover.
 fn confidence(register: &Register) -> String {
-    let word = register.confidence.word();
+    let word = register.confidence.keyword();
     if register.not_stated.is_empty() {
         return word.to_owned();
     }
     format!(
         "{word}, but not {}",
-        list(register.not_stated.iter().map(|part| part.word()))
+        list(register.not_stated.iter().map(|part| part.keyword()))
     )
 }
 
 fn range_text(range: &RangeInclusive<i32>, register: &Register) -> String {
     // In two's complement, the low word of a negative number is its register word.
-    let end = |raw: &i32| Scaled::from_word((raw & 0xFFFF) as u16, register);
+    let end = |raw: &i32| ScaledValue::from_word((raw & 0xFFFF) as u16, register);
     format!("{} to {}", end(range.start()), end(range.end()))
 }
 
@@ -211,7 +212,7 @@ pub(super) fn states(model: &Model) -> Vec<Row> {
         vec![
             condition,
             state.text.clone(),
-            state.confidence.word().to_owned(),
+            state.confidence.keyword().to_owned(),
             state.source.clone(),
         ]
     });
@@ -233,7 +234,7 @@ pub(super) fn status(model: &Model) -> Vec<Row> {
         vec![
             flag,
             condition,
-            status.confidence.word().to_owned(),
+            status.confidence.keyword().to_owned(),
             status.source.clone(),
         ]
     });
@@ -266,7 +267,7 @@ pub(super) fn trips(model: &Model) -> Vec<Row> {
 pub(super) fn warnings(model: &Model) -> Vec<Row> {
     coded(
         &model.warning_codes,
-        model.register_for(Role::WarningBits).is_some(),
+        model.register_for(RegisterRole::WarningBits).is_some(),
     )
 }
 
@@ -281,7 +282,7 @@ fn coded(codes: &[CodeText], are_bits: bool) -> Vec<Row> {
         vec![
             number,
             it.text.clone(),
-            it.confidence.word().to_owned(),
+            it.confidence.keyword().to_owned(),
             it.source.clone(),
         ]
     });

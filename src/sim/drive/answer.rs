@@ -2,12 +2,12 @@
 
 use super::SimDrive;
 use super::back_door::BackDoor;
-use super::denied::{Denied, Objection};
+use super::denied::{DeniedRequest, RequestObjection};
 use super::memory::{AddressForm, MemoryAddress, following, index_in_ram, index_of, place_of};
-use super::untrue::Shows;
+use super::untrue::ShownWord;
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{BlockWrite, Holes, RefusedWrite, Register, Role};
+use crate::profile::model::{BlockWrite, ReadHoles, RefusedWrite, Register, RegisterRole};
 use crate::sim::options::BadRequest;
 use crate::wire::pdu::{self, Request, function};
 
@@ -29,10 +29,12 @@ impl SimDrive {
         let done = self.serve(at, pdu, exchange, out);
         let objection = match done {
             Ok(()) => None,
-            Err(Denied::Request(_)) if self.is_silent() => return false,
-            Err(Denied::Request(objection) | Denied::Refused(objection)) => Some(objection),
+            Err(DeniedRequest::Request(_)) if self.is_silent() => return false,
+            Err(DeniedRequest::Request(objection) | DeniedRequest::Refused(objection)) => {
+                Some(objection)
+            }
         };
-        if !matches!(done, Err(Denied::Request(_))) {
+        if !matches!(done, Err(DeniedRequest::Request(_))) {
             self.heard(at);
         }
         if done.is_ok() && self.takes_in_silence(pdu) {
@@ -106,10 +108,10 @@ impl SimDrive {
         pdu: &[u8],
         exchange: u64,
         out: &mut Vec<u8>,
-    ) -> Result<(), Denied> {
+    ) -> Result<(), DeniedRequest> {
         let function = pdu.first().copied().unwrap_or_default();
         if !self.model.serves(function) {
-            return Err(Denied::Request(Objection::Function));
+            return Err(DeniedRequest::Request(RequestObjection::Function));
         }
         match Request::decode(pdu) {
             Some(Request::Read { address, count }) => self.read(at, address, count, exchange, out),
@@ -128,11 +130,11 @@ impl SimDrive {
                 Ok(())
             }
             // Other functions of a model, and other loop tests, are not simulated.
-            Some(Request::Unserved { .. }) | None => Err(Denied::Request(match function {
+            Some(Request::Unserved { .. }) | None => Err(DeniedRequest::Request(match function {
                 function::READ_HOLDING | function::WRITE_SINGLE | function::WRITE_MULTIPLE => {
-                    Objection::Quantity
+                    RequestObjection::Quantity
                 }
-                _ => Objection::Function,
+                _ => RequestObjection::Function,
             })),
         }
     }
@@ -144,10 +146,10 @@ impl SimDrive {
         count: u16,
         exchange: u64,
         out: &mut Vec<u8>,
-    ) -> Result<(), Denied> {
+    ) -> Result<(), DeniedRequest> {
         if count == 0 || count > self.model.words_in_one_read(first) || count > pdu::MAX_READ_WORDS
         {
-            return Err(Denied::Request(Objection::Quantity));
+            return Err(DeniedRequest::Request(RequestObjection::Quantity));
         }
         let is_decimal = self.model.quirks.decimal_numbers.is_some();
         let mut words = [0; pdu::MAX_READ_WORDS as usize];
@@ -155,13 +157,13 @@ impl SimDrive {
         let mut next = Some(first);
         for word in words.iter_mut() {
             let readable = next.and_then(|address| match self.untrue.at(address) {
-                Shows::Truth => self
+                ShownWord::Truth => self
                     .readable(at, address, exchange)
                     .or_else(|| self.hole(address)),
-                Shows::Word(word) => Some(word),
-                Shows::Nothing => None,
+                ShownWord::Word(word) => Some(word),
+                ShownWord::Nothing => None,
             });
-            *word = readable.ok_or(Denied::Request(Objection::Address))?;
+            *word = readable.ok_or(DeniedRequest::Request(RequestObjection::Address))?;
             next = next.and_then(|address| following(address, is_decimal));
         }
         if self.untrue.is_too_long(first) {
@@ -175,9 +177,9 @@ impl SimDrive {
     /// What a read shows of an address without a register; nothing if it is refused.
     fn hole(&self, address: Address) -> Option<u16> {
         match self.model.read.holes.as_ref()?.value {
-            Holes::Refused => None,
-            Holes::Zero => Some(0),
-            Holes::Read => Some(address.number()),
+            ReadHoles::Refused => None,
+            ReadHoles::Zero => Some(0),
+            ReadHoles::Read => Some(address.number()),
         }
     }
 
@@ -218,10 +220,11 @@ impl SimDrive {
     }
 
     /// Takes `value` or keeps the old one; returns what the register at `address` then holds.
-    fn write(&mut self, at: MonoTime, address: Address, value: u16) -> Result<u16, Denied> {
-        let place = place_of(&self.model, address).ok_or(Denied::Request(Objection::Address))?;
+    fn write(&mut self, at: MonoTime, address: Address, value: u16) -> Result<u16, DeniedRequest> {
+        let place = place_of(&self.model, address)
+            .ok_or(DeniedRequest::Request(RequestObjection::Address))?;
         if self.model.registers[place.index].form.pair.is_some() {
-            return Err(Denied::Refused(Objection::Value));
+            return Err(DeniedRequest::Refused(RequestObjection::Value));
         }
         // A drive that answers with the kept word refuses nothing if both are equal.
         let refused = self.model.write.refused.value;
@@ -229,7 +232,7 @@ impl SimDrive {
         let is_new = refused != RefusedWrite::KeepsOldValue || before != value;
         let is_refused = is_new && self.refuses_stop(function::WRITE_SINGLE, address, value);
         let done = if is_refused {
-            Err(Objection::Address)
+            Err(RequestObjection::Address)
         } else {
             self.store(at, place, value)
         };
@@ -237,12 +240,17 @@ impl SimDrive {
             Ok(()) if refused == RefusedWrite::EchoMayBeOld => Ok(before),
             Ok(()) => Ok(value),
             Err(_) if refused == RefusedWrite::KeepsOldValue => Ok(self.held(at, place.index)),
-            Err(objection) => Err(Denied::Refused(objection)),
+            Err(objection) => Err(DeniedRequest::Refused(objection)),
         }
     }
 
     /// Takes all `values` or none.
-    fn write_block(&mut self, at: MonoTime, first: Address, values: &[u16]) -> Result<(), Denied> {
+    fn write_block(
+        &mut self,
+        at: MonoTime,
+        first: Address,
+        values: &[u16],
+    ) -> Result<(), DeniedRequest> {
         if let Some(index) = self.pair_at(first) {
             return self.write_pair(at, index, values);
         }
@@ -250,10 +258,10 @@ impl SimDrive {
         let block = self.model.write.block.as_ref();
         let most = block.map_or(1, |block| block.count.value);
         if values.is_empty() || values.len() > usize::from(most) {
-            return Err(Denied::Request(Objection::Quantity));
+            return Err(DeniedRequest::Request(RequestObjection::Quantity));
         }
         if self.refuses_stop(function::WRITE_MULTIPLE, first, values[0]) {
-            return Err(Denied::Request(Objection::Address));
+            return Err(DeniedRequest::Request(RequestObjection::Address));
         }
         let is_inside = |block: &BlockWrite| {
             let offset = first.offset_from(block.address).map(usize::from);
@@ -267,7 +275,7 @@ impl SimDrive {
         };
         let stands_for_06 = values.len() == 1 && !self.model.serves(single);
         if !stands_for_06 && !block.is_none_or(is_inside) {
-            return Err(Denied::Request(Objection::Address));
+            return Err(DeniedRequest::Request(RequestObjection::Address));
         }
         let mut trial = self.clone();
         let done = first
@@ -275,14 +283,14 @@ impl SimDrive {
             .zip(values)
             .try_for_each(|(address, value)| {
                 let place = place_of(&trial.model, address);
-                trial.store(at, place.ok_or(Objection::Address)?, *value)
+                trial.store(at, place.ok_or(RequestObjection::Address)?, *value)
             });
         match done {
             Ok(()) => *self = trial,
             // A forbidden word was written.
             Err(_) => self.report.forbidden_words = trial.report.forbidden_words,
         }
-        done.map_err(Denied::Refused)
+        done.map_err(DeniedRequest::Refused)
     }
 
     /// The register of two words that is written at `address`.
@@ -294,14 +302,19 @@ impl SimDrive {
     }
 
     /// Takes a value of two words, never half of it.
-    fn write_pair(&mut self, at: MonoTime, index: usize, values: &[u16]) -> Result<(), Denied> {
-        let words =
-            <[u16; 2]>::try_from(values).map_err(|_| Denied::Request(Objection::Quantity))?;
+    fn write_pair(
+        &mut self,
+        at: MonoTime,
+        index: usize,
+        values: &[u16],
+    ) -> Result<(), DeniedRequest> {
+        let words = <[u16; 2]>::try_from(values)
+            .map_err(|_| DeniedRequest::Request(RequestObjection::Quantity))?;
         let register = &self.model.registers[index];
         let number = register.form.pair.map_or(0, |order| order.number(words));
-        if register.role != Some(Role::FrequencyCommand) {
+        if register.role != Some(RegisterRole::FrequencyCommand) {
             if !register.takes_both(words) {
-                return Err(Denied::Refused(Objection::Value));
+                return Err(DeniedRequest::Refused(RequestObjection::Value));
             }
             if self.waits_for_commit(register) {
                 self.memory.hold_back(index, number);
@@ -317,7 +330,8 @@ impl SimDrive {
             return Ok(());
         }
         let micro = self.micro_of_number(register, number.into());
-        self.take_setpoint(at, micro).map_err(Denied::Refused)
+        self.take_setpoint(at, micro)
+            .map_err(DeniedRequest::Refused)
     }
 
     fn is_deaf_after(&mut self, at: MonoTime, place: MemoryAddress) {
@@ -327,28 +341,33 @@ impl SimDrive {
     }
 
     /// Accepts `value` at `place`, or returns why not.
-    fn store(&mut self, at: MonoTime, place: MemoryAddress, value: u16) -> Result<(), Objection> {
+    fn store(
+        &mut self,
+        at: MonoTime,
+        place: MemoryAddress,
+        value: u16,
+    ) -> Result<(), RequestObjection> {
         let register = &self.model.registers[place.index];
         let role = register.role;
         if !register.access.can_write() || role.is_some_and(Self::is_measured) {
-            return Err(Objection::Address);
+            return Err(RequestObjection::Address);
         }
-        if matches!(role, Some(Role::RunCommand | Role::Order)) {
+        if matches!(role, Some(RegisterRole::RunCommand | RegisterRole::Order)) {
             self.take_order(at, place, value)?;
             self.is_deaf_after(at, place);
             return Ok(());
         }
         if !register.takes(value) {
-            return Err(Objection::Value);
+            return Err(RequestObjection::Value);
         }
         match (role, BackDoor::of(register)) {
-            (Some(Role::FrequencyCommand | Role::FrequencySetting), _)
+            (Some(RegisterRole::FrequencyCommand | RegisterRole::FrequencySetting), _)
             | (_, Some(BackDoor::Frequency)) => {
                 let micro = self.micro_of(register, value);
                 self.take_setpoint(at, micro)?;
             }
             (_, Some(BackDoor::Limit)) if self.control.direction != 0 => {
-                return Err(Objection::NotNow);
+                return Err(RequestObjection::NotNow);
             }
             _ => {}
         }

@@ -1,7 +1,7 @@
 //! Registers on which the values of others depend.
 
 use crate::domain::units::UnitOfMeasure;
-use crate::profile::model::{FullScale, Model, Register, Whole};
+use crate::profile::model::{FractionWhole, FullScale, Model, Register};
 use crate::sim::options::DriveOptions;
 
 /// The word with which a register begins on which others depend; `None` for any other.
@@ -18,7 +18,7 @@ pub(super) fn first_basis(
     if let Some((word, _)) = by.next().and_then(|by| by.steps.last()) {
         return Some(*word);
     }
-    let is_whole = |scale: &FullScale| matches!(scale.of, Whole::Register(basis) if basis.address == register.address);
+    let is_whole = |scale: &FullScale| matches!(scale.of, FractionWhole::Register(basis) if basis.address == register.address);
     model
         .registers
         .iter()

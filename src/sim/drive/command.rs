@@ -2,13 +2,13 @@
 
 use crate::domain::address::Address;
 use crate::profile::model::{
-    BitMeaning, Model, OrderKind, Role, RunCommand, RunField, RunForm, ZeroWord,
+    BitMeaning, Model, OrderKind, RegisterRole, RunCommand, RunField, RunForm, ZeroWord,
 };
 
 /// The orders in a run command.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct RunOrder {
-    pub(super) motion: Motion,
+    pub(super) motion: MotorMotion,
     /// It runs at the jog frequency.
     pub(super) jog: bool,
     pub(super) coast: bool,
@@ -28,7 +28,7 @@ pub(super) struct RunOrder {
 
 /// How the motor is ordered to turn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Motion {
+pub(super) enum MotorMotion {
     /// Down to standstill.
     #[default]
     Stop,
@@ -43,10 +43,10 @@ pub(super) enum Motion {
 }
 
 /// The orders in `word`, written to `address`; `None` if it has no meaning there.
-pub(super) fn wish(model: &Model, address: Address, word: u16) -> Option<RunOrder> {
+pub(super) fn run_order_in(model: &Model, address: Address, word: u16) -> Option<RunOrder> {
     let run = model.run.as_ref()?;
     let is_own = model
-        .register_for(Role::RunCommand)
+        .register_for(RegisterRole::RunCommand)
         .is_some_and(|it| it.address == address);
     match &run.form {
         RunForm::Bits { bits, fields, .. } if is_own => {
@@ -115,11 +115,11 @@ fn one_command(model: &Model, address: Address, word: u16) -> Option<RunOrder> {
     Some(match kind {
         OrderKind::Stop => none,
         OrderKind::Forward => RunOrder {
-            motion: Motion::Run(1),
+            motion: MotorMotion::Run(1),
             ..none
         },
         OrderKind::Reverse => RunOrder {
-            motion: Motion::Run(-1),
+            motion: MotorMotion::Run(-1),
             ..none
         },
         OrderKind::Coast => RunOrder {
@@ -150,7 +150,7 @@ fn zero_command(run: &RunCommand) -> Option<RunOrder> {
             ..none
         },
         ZeroWord::Nothing => RunOrder {
-            motion: Motion::Keep(None),
+            motion: MotorMotion::Keep(None),
             ..none
         },
         ZeroWord::Ignored => RunOrder {
@@ -183,15 +183,15 @@ fn states(run: &RunCommand, meanings: &[BitMeaning], latches: bool) -> Option<Ru
     let said = forward.then_some(1).or(reverse.then_some(-1));
     let turns = has(Run) || has(RunForward) || has(RunReverse) || has(Jog);
     let motion = match (stops, turns) {
-        (true, _) => Motion::Stop,
-        _ if has(Coast) || has(Trip) => Motion::Stop,
-        _ if has(Freeze) => Motion::Freeze,
-        _ if has(Toggle) => Motion::Toggle,
+        (true, _) => MotorMotion::Stop,
+        _ if has(Coast) || has(Trip) => MotorMotion::Stop,
+        _ if has(Freeze) => MotorMotion::Freeze,
+        _ if has(Toggle) => MotorMotion::Toggle,
         // Both at once mean nothing to a motor that may turn.
         _ if forward && reverse && (turns || latches) => return None,
-        (_, true) => Motion::Run(said.unwrap_or_else(|| unsaid(run))),
-        _ if latches => Motion::Keep(said),
-        _ => Motion::Stop,
+        (_, true) => MotorMotion::Run(said.unwrap_or_else(|| unsaid(run))),
+        _ if latches => MotorMotion::Keep(said),
+        _ => MotorMotion::Stop,
     };
     Some(RunOrder {
         motion,

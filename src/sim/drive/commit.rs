@@ -1,7 +1,7 @@
 //! Parameters that act, or outlast the power, only after a word of their own.
 
 use super::SimDrive;
-use super::denied::Objection;
+use super::denied::RequestObjection;
 use super::memory::MemoryAddress;
 use crate::domain::time::MonoTime;
 use crate::profile::model::{CommitEffect, Register};
@@ -13,7 +13,7 @@ impl SimDrive {
         at: MonoTime,
         place: MemoryAddress,
         value: u16,
-    ) -> Result<bool, Objection> {
+    ) -> Result<bool, RequestObjection> {
         let address = self.model.registers[place.index].address;
         let mut here = self
             .model
@@ -27,9 +27,9 @@ impl SimDrive {
         let word = here
             .map(|fact| &fact.value)
             .find(|word| word.value == value)
-            .ok_or(Objection::Value)?;
+            .ok_or(RequestObjection::Value)?;
         if word.at_standstill && self.control.direction != 0 {
-            return Err(Objection::NotNow);
+            return Err(RequestObjection::NotNow);
         }
         let effect = word.effect;
         for index in 0..self.model.registers.len() {

@@ -2,11 +2,11 @@
 
 use super::SimDrive;
 use super::back_door::BackDoor;
-use super::command::{Motion, RunOrder, has_priority};
-use super::denied::Objection;
+use super::command::{MotorMotion, RunOrder, has_priority};
+use super::denied::RequestObjection;
 use crate::domain::command::Direction;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{BitMeaning, Memory, Register, Role, RunForm};
+use crate::profile::model::{BitMeaning, Register, RegisterMemory, RegisterRole, RunForm};
 use crate::sim::motor::MICROHERTZ;
 use std::time::Duration;
 
@@ -17,7 +17,7 @@ const ORDERED_TRIP: u16 = 1;
 
 /// The orders that the drive obeys.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Control {
+pub(super) struct ObeyedOrders {
     /// 1 forward, -1 reverse, 0 not ordered to run.
     pub(super) direction: i64,
     is_jog: bool,
@@ -66,7 +66,7 @@ impl SimDrive {
             bus_frequency,
             ..
         } = wish;
-        self.control = Control {
+        self.control = ObeyedOrders {
             bus_run,
             bus_frequency,
             reset_held: wish.reset,
@@ -115,27 +115,29 @@ impl SimDrive {
     }
 
     /// The direction of a motor that is ordered to move like this; 0 if it is to stand still.
-    pub(super) fn wanted_direction(&self, motion: Motion) -> i64 {
+    pub(super) fn wanted_direction(&self, motion: MotorMotion) -> i64 {
         let before = self.control.direction;
         match motion {
-            Motion::Stop => 0,
-            Motion::Run(direction) => direction,
-            Motion::Keep(Some(direction)) if before != 0 => direction,
-            Motion::Keep(_) | Motion::Freeze => before,
-            Motion::Toggle => -before,
+            MotorMotion::Stop => 0,
+            MotorMotion::Run(direction) => direction,
+            MotorMotion::Keep(Some(direction)) if before != 0 => direction,
+            MotorMotion::Keep(_) | MotorMotion::Freeze => before,
+            MotorMotion::Toggle => -before,
         }
     }
 
     fn turn(&mut self, at: MonoTime, wish: RunOrder) {
         let direction = self.wanted_direction(wish.motion);
         match wish.motion {
-            Motion::Freeze => {
+            MotorMotion::Freeze => {
                 self.control.direction = direction;
                 let output = self.motor.output(at);
                 self.motor.ramp_to(at, output);
             }
-            Motion::Keep(_) => self.run(at, direction, self.control.is_jog),
-            Motion::Stop | Motion::Run(_) | Motion::Toggle => self.run(at, direction, wish.jog),
+            MotorMotion::Keep(_) => self.run(at, direction, self.control.is_jog),
+            MotorMotion::Stop | MotorMotion::Run(_) | MotorMotion::Toggle => {
+                self.run(at, direction, wish.jog)
+            }
         }
     }
 
@@ -155,19 +157,24 @@ impl SimDrive {
     /// Clears command values in volatile registers.
     pub(super) fn forget_orders(&mut self) {
         let reset_held = self.control.reset_held;
-        self.control = Control {
+        self.control = ObeyedOrders {
             reset_held,
-            ..Control::default()
+            ..ObeyedOrders::default()
         };
         let is_ram = |role| {
             self.model
                 .register_for(role)
-                .is_some_and(|it| it.memory == Some(Memory::Ram))
+                .is_some_and(|it| it.memory == Some(RegisterMemory::Ram))
         };
-        if is_ram(Role::FrequencyCommand) {
+        if is_ram(RegisterRole::FrequencyCommand) {
             self.setpoint = 0;
         }
-        let is_order = |it: &Register| matches!(it.role, Some(Role::RunCommand | Role::Order));
+        let is_order = |it: &Register| {
+            matches!(
+                it.role,
+                Some(RegisterRole::RunCommand | RegisterRole::Order)
+            )
+        };
         let orders = self
             .model
             .registers
@@ -188,14 +195,18 @@ impl SimDrive {
     }
 
     /// Applies `setpoint`, in microhertz; a running motor follows.
-    pub(super) fn take_setpoint(&mut self, at: MonoTime, setpoint: i64) -> Result<(), Objection> {
-        let listens = self.is_source_at_bus(Role::FrequencySource);
+    pub(super) fn take_setpoint(
+        &mut self,
+        at: MonoTime,
+        setpoint: i64,
+    ) -> Result<(), RequestObjection> {
+        let listens = self.is_source_at_bus(RegisterRole::FrequencySource);
         let is_below = setpoint < 0 && !self.model.turns_by_sign();
         if is_below || setpoint.abs() > self.highest() {
-            return Err(Objection::Value);
+            return Err(RequestObjection::Value);
         }
         if !listens && !self.can_take_frequency() {
-            return Err(Objection::NotNow);
+            return Err(RequestObjection::NotNow);
         }
         let most = self
             .options
@@ -208,17 +219,17 @@ impl SimDrive {
 
     /// Whether run commands come from the bus.
     pub(super) fn is_run_from_bus(&self) -> bool {
-        self.control.bus_run || self.is_source_at_bus(Role::RunSource)
+        self.control.bus_run || self.is_source_at_bus(RegisterRole::RunSource)
     }
 
     /// Whether the frequency comes from the bus.
     pub(super) fn is_frequency_from_bus(&self) -> bool {
-        self.control.bus_frequency || self.is_source_at_bus(Role::FrequencySource)
+        self.control.bus_frequency || self.is_source_at_bus(RegisterRole::FrequencySource)
     }
 
     /// Whether the source register with `role` holds the value that the model's setup requires. A model without such a
     /// register always obeys, unless its commands must claim control.
-    pub(super) fn is_source_at_bus(&self, role: Role) -> bool {
+    pub(super) fn is_source_at_bus(&self, role: RegisterRole) -> bool {
         let Some(index) = self.index_for(role) else {
             return !self.model.run.as_ref().is_some_and(has_priority);
         };
@@ -245,7 +256,7 @@ impl SimDrive {
 
     /// Runs in `direction`; 0 is a stop by the ramp.
     pub(super) fn run(&mut self, at: MonoTime, direction: i64, is_jog: bool) {
-        self.control = Control {
+        self.control = ObeyedOrders {
             direction,
             is_jog,
             ..self.control

@@ -7,16 +7,16 @@ use crate::wire::exception::{
 
 /// Why a request was not executed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Denied {
+pub(super) enum DeniedRequest {
     /// The drive cannot serve such a request. Some stay silent.
-    Request(Objection),
+    Request(RequestObjection),
     /// The drive can, but refuses the value.
-    Refused(Objection),
+    Refused(RequestObjection),
 }
 
 /// The part of a request that a drive objects to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Objection {
+pub(super) enum RequestObjection {
     /// The function.
     Function,
     /// The register: it does not exist, or not for this function.
@@ -29,10 +29,10 @@ pub(super) enum Objection {
     NotNow,
 }
 
-/// First code of vendors with their own five codes, in the order of [`Objection`].
+/// First code of vendors with their own five codes, in the order of [`RequestObjection`].
 const OWN_FIRST: u8 = 0x51;
 
-impl Objection {
+impl RequestObjection {
     /// The exception code of a drive of `model`: the standard's, unless the model states others with more confidence.
     ///
     /// There are two deviations from the standard: five consecutive vendor codes, and a code 04 that means too many

@@ -3,7 +3,7 @@
 use super::SimDrive;
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{Addend, Basis, FullScale, Register, Whole};
+use crate::profile::model::{AddendWord, BasisRegister, FractionWhole, FullScale, Register};
 
 /// Millionths in a unit of measure.
 const MICRO: i128 = 1_000_000;
@@ -132,14 +132,14 @@ impl SimDrive {
 
     /// The ends of a full scale in millionths.
     fn ends(&self, scale: &FullScale) -> (i128, i128) {
-        let value = |basis: &Basis| {
+        let value = |basis: &BasisRegister| {
             let word = self.memory_at(basis.address, basis.mask);
             i128::from(word) * MICRO * i128::from(basis.per) / i128::from(basis.scale.max(1))
         };
         let of = match &scale.of {
-            Whole::Register(basis) => value(basis),
-            Whole::Fixed(hertz) => i128::from(hertz.millihertz()) * 1_000,
-            Whole::Configured => i128::from(self.options.max_frequency_hz) * MICRO,
+            FractionWhole::Register(basis) => value(basis),
+            FractionWhole::Fixed(hertz) => i128::from(hertz.millihertz()) * 1_000,
+            FractionWhole::Configured => i128::from(self.options.max_frequency_hz) * MICRO,
         };
         (scale.from.as_ref().map_or(0, value), of)
     }
@@ -156,7 +156,7 @@ impl SimDrive {
 }
 
 /// The size of one step of a part, in millionths.
-fn size(part: &Addend) -> i128 {
+fn size(part: &AddendWord) -> i128 {
     (MICRO * i128::from(part.per) / i128::from(part.scale.max(1))).max(1)
 }
 

@@ -4,14 +4,16 @@ use super::super::options::DriveOptions;
 use super::back_door::BackDoor;
 use super::basis::first_basis;
 use super::command::has_priority;
-use crate::domain::address::{Address, Table};
-use crate::profile::model::{Access, Memory as Kind, Model, OrderKind, Register, Role, RunForm};
+use crate::domain::address::{Address, DataTable};
+use crate::profile::model::{
+    Model, OrderKind, Register, RegisterAccess, RegisterMemory, RegisterRole, RunForm,
+};
 use crate::wire::pdu::Request;
 use std::time::Duration;
 
 /// The words of the model's registers, in the model's order; of a register with two words the number in them.
 #[derive(Clone, Debug)]
-pub(super) struct Memory {
+pub(super) struct SimMemory {
     now: Vec<u32>,
     stored: Vec<u32>,
     /// What was written and does not act yet.
@@ -37,7 +39,7 @@ pub(super) enum AddressForm {
     Ram,
 }
 
-impl Memory {
+impl SimMemory {
     pub(super) fn new(model: &Model, options: &DriveOptions) -> Self {
         let now: Vec<_> = model
             .registers
@@ -98,17 +100,20 @@ impl Memory {
     pub(super) fn take(&mut self, register: &Register, place: MemoryAddress, number: u32) {
         let MemoryAddress { index, form } = place;
         // A run command is not restored at power-up unless a document says that it is stored.
-        let is_order = matches!(register.role, Some(Role::RunCommand | Role::Order))
-            && register.memory != Some(Kind::Stored);
+        let is_order = matches!(
+            register.role,
+            Some(RegisterRole::RunCommand | RegisterRole::Order)
+        ) && register.memory != Some(RegisterMemory::Stored);
         let is_volatile =
-            (is_order || register.memory == Some(Kind::Ram)) && form == AddressForm::Own;
+            (is_order || register.memory == Some(RegisterMemory::Ram)) && form == AddressForm::Own;
         if is_volatile || form == AddressForm::Ram {
             self.now[index] = number;
             return;
         }
         self.keep_number(index, number);
         // An undocumented setpoint is restored at power-up, but does not count as wear.
-        let is_unknown = register.role == Some(Role::FrequencyCommand) && register.memory.is_none();
+        let is_unknown =
+            register.role == Some(RegisterRole::FrequencyCommand) && register.memory.is_none();
         self.stored_writes[index] += u64::from(!is_unknown);
     }
 
@@ -153,7 +158,7 @@ pub(super) fn place_of(model: &Model, address: Address) -> Option<MemoryAddress>
     }
     let index = index_of(model, address.at(number & !bit))?;
     // Only parameters are stored: commands are written only, measurements are read only.
-    (model.registers[index].access == Access::ReadWrite).then_some(MemoryAddress {
+    (model.registers[index].access == RegisterAccess::ReadWrite).then_some(MemoryAddress {
         index,
         form: AddressForm::Stored,
     })
@@ -161,14 +166,15 @@ pub(super) fn place_of(model: &Model, address: Address) -> Option<MemoryAddress>
 
 /// The stored register whose form in RAM is at `address`.
 pub(super) fn index_in_ram(model: &Model, address: Address) -> Option<usize> {
-    if address.table() != Table::Holding {
+    if address.table() != DataTable::Holding {
         return None;
     }
     let rule = model.quirks.ram_alias.as_ref()?.value;
     let number = rule.register_of(address.number())?;
     let index = index_of(model, address.at(number))?;
     let register = &model.registers[index];
-    (register.access == Access::ReadWrite && register.memory != Some(Kind::Ram)).then_some(index)
+    (register.access == RegisterAccess::ReadWrite && register.memory != Some(RegisterMemory::Ram))
+        .then_some(index)
 }
 
 /// How long the drive of `model` needs a pause after a request with `pdu`, if that is a write.
@@ -182,13 +188,13 @@ pub(super) fn pause_after(model: &Model, pdu: &[u8]) -> Duration {
             let register = &model.registers[place.index];
             let is_order = matches!(
                 register.role,
-                Some(Role::RunCommand | Role::FrequencyCommand)
+                Some(RegisterRole::RunCommand | RegisterRole::FrequencyCommand)
             );
             match place.form {
                 AddressForm::Stored => true,
                 AddressForm::Ram => false,
                 AddressForm::Own => {
-                    register.memory == Some(Kind::Stored)
+                    register.memory == Some(RegisterMemory::Stored)
                         || (register.memory.is_none() && !is_order)
                 }
             }
@@ -250,9 +256,9 @@ fn first_word(model: &Model, register: &Register, options: &DriveOptions) -> u16
         .as_ref()
         .filter(|watchdog| watchdog.time == register.address);
     match register.role {
-        Some(Role::AccelerationTime) => seconds(options.acceleration),
-        Some(Role::DecelerationTime) => seconds(options.deceleration),
-        Some(Role::FrequencySource | Role::RunSource) => {
+        Some(RegisterRole::AccelerationTime) => seconds(options.acceleration),
+        Some(RegisterRole::DecelerationTime) => seconds(options.deceleration),
+        Some(RegisterRole::FrequencySource | RegisterRole::RunSource) => {
             let takes_control = model.run.as_ref().is_some_and(has_priority);
             let ready = demanded.unwrap_or(if takes_control {
                 0
@@ -261,7 +267,7 @@ fn first_word(model: &Model, register: &Register, options: &DriveOptions) -> u16
             });
             options.sources_at_start.unwrap_or(ready)
         }
-        Some(Role::RunCommand) => model.run.as_ref().map_or(0, |run| match run.form {
+        Some(RegisterRole::RunCommand) => model.run.as_ref().map_or(0, |run| match run.form {
             RunForm::Values
                 if run
                     .places
@@ -274,7 +280,7 @@ fn first_word(model: &Model, register: &Register, options: &DriveOptions) -> u16
             RunForm::Values => run.stop.value,
             RunForm::Bits { .. } => 0,
         }),
-        Some(Role::Order) => at_rest(model, register),
+        Some(RegisterRole::Order) => at_rest(model, register),
         _ if BackDoor::of(register) == Some(BackDoor::Limit) => {
             u16::try_from(u32::from(options.max_frequency_hz) * register.scale).unwrap_or(u16::MAX)
         }

@@ -44,10 +44,10 @@ use super::trip::TripLog;
 use crate::domain::address::Address;
 use crate::domain::command::Direction;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{ExceptionKind, Model, OrderKind, Role};
-use control::{Control, RunClock};
-use memory::{Memory, MemoryAddress, index_of, time};
-use start::Readiness;
+use crate::profile::model::{ExceptionKind, Model, OrderKind, RegisterRole};
+use control::{ObeyedOrders, RunClock};
+use memory::{MemoryAddress, SimMemory, index_of, time};
+use start::StartReadiness;
 use std::sync::Arc;
 use std::time::Duration;
 use untrue::UntrueReads;
@@ -59,12 +59,12 @@ use untrue::UntrueReads;
 pub struct SimDrive {
     model: Arc<Model>,
     options: DriveOptions,
-    memory: Memory,
+    memory: SimMemory,
     /// In microhertz.
     setpoint: i64,
     motor: Motor,
-    control: Control,
-    start: Readiness,
+    control: ObeyedOrders,
+    start: StartReadiness,
     run_clock: RunClock,
     trips: TripLog,
     tripped: bool,
@@ -93,12 +93,12 @@ impl SimDrive {
         let full_scale = i64::from(options.max_frequency_hz.max(1)) * super::motor::MICROHERTZ;
         let mut drive = Self {
             motor: Motor::new(full_scale, options.acceleration, options.deceleration),
-            memory: Memory::new(&model, &options),
+            memory: SimMemory::new(&model, &options),
             model,
             options,
             setpoint: 0,
-            control: Control::default(),
-            start: Readiness::default(),
+            control: ObeyedOrders::default(),
+            start: StartReadiness::default(),
             run_clock: RunClock::default(),
             trips: TripLog::default(),
             tripped: false,
@@ -221,7 +221,7 @@ impl SimDrive {
         let comes_on = !self.powered && powered;
         self.powered = powered;
         if comes_on {
-            self.control = Control::default();
+            self.control = ObeyedOrders::default();
             let deaf = self.model.quirks.deaf_after_power_up.as_ref();
             self.deaf_until = deaf.map_or(at, |deaf| at + deaf.value);
             self.last_heard = at;
@@ -278,10 +278,12 @@ impl SimDrive {
         self.follow_ramps(at, index);
         match self.model.registers[index].role {
             // The new source takes control with its next order, unless an order is already active.
-            Some(Role::RunSource) if self.is_local() && self.options.panel_runs.is_some() => {
+            Some(RegisterRole::RunSource)
+                if self.is_local() && self.options.panel_runs.is_some() =>
+            {
                 self.hand_over(at)
             }
-            Some(Role::FrequencySource) | None => self.follow(at),
+            Some(RegisterRole::FrequencySource) | None => self.follow(at),
             _ => {}
         }
     }
@@ -291,8 +293,8 @@ impl SimDrive {
         let register = &self.model.registers[index];
         let time = time(register, self.memory.word(index));
         match register.role {
-            Some(Role::AccelerationTime) => self.motor.set_acceleration(at, time),
-            Some(Role::DecelerationTime) => self.motor.set_deceleration(at, time),
+            Some(RegisterRole::AccelerationTime) => self.motor.set_acceleration(at, time),
+            Some(RegisterRole::DecelerationTime) => self.motor.set_deceleration(at, time),
             _ => {}
         }
     }
@@ -309,7 +311,7 @@ impl SimDrive {
         self.report.stored_writes += self.memory.stored_writes(place.index) - before;
     }
 
-    fn index_for(&self, role: Role) -> Option<usize> {
+    fn index_for(&self, role: RegisterRole) -> Option<usize> {
         self.model
             .registers
             .iter()

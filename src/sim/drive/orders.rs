@@ -1,12 +1,12 @@
 //! Orders in registers of their own: the direction, a reset that has to be cleared, a stop beside the run word.
 
 use super::SimDrive;
-use super::command::{Motion, has_priority, wish};
-use super::denied::Objection;
+use super::command::{MotorMotion, has_priority, run_order_in};
+use super::denied::RequestObjection;
 use super::memory::{MemoryAddress, index_of};
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{Model, OrderKind, Role};
+use crate::profile::model::{Model, OrderKind, RegisterRole};
 use std::sync::Arc;
 
 impl SimDrive {
@@ -16,14 +16,14 @@ impl SimDrive {
         at: MonoTime,
         place: MemoryAddress,
         word: u16,
-    ) -> Result<(), Objection> {
+    ) -> Result<(), RequestObjection> {
         let model = Arc::clone(&self.model);
         let register = &model.registers[place.index];
         let address = register.address;
         let Some(run) = model.run.as_ref() else {
-            return Err(Objection::Value);
+            return Err(RequestObjection::Value);
         };
-        let is_own = register.role == Some(Role::RunCommand);
+        let is_own = register.role == Some(RegisterRole::RunCommand);
         let is_forbidden = run.never.iter().any(|never| is_own && never.value == word)
             || run
                 .places
@@ -32,7 +32,7 @@ impl SimDrive {
                 .any(|(register, never)| *register == address && never.value == word);
         if is_forbidden {
             self.report.forbidden_words += 1;
-            return Err(Objection::Value);
+            return Err(RequestObjection::Value);
         }
         if self.model.order_address(OrderKind::Reset) == Some(address) {
             self.end_reset();
@@ -46,19 +46,19 @@ impl SimDrive {
             self.control.reset_stands = false;
             return Ok(());
         }
-        let wished = wish(&self.model, address, word);
+        let wished = run_order_in(&self.model, address, word);
         let motion = wished.map(|wish| wish.motion);
         if is_own
-            && self.is_source_at_bus(Role::RunSource)
+            && self.is_source_at_bus(RegisterRole::RunSource)
             && self.take_start(at, place, word, motion)
         {
             return Ok(());
         }
-        let mut wish = wished.ok_or(Objection::Value)?;
+        let mut wish = wished.ok_or(RequestObjection::Value)?;
         if wish.is_ignored {
             return Ok(());
         }
-        if let Motion::Run(direction) = &mut wish.motion {
+        if let MotorMotion::Run(direction) = &mut wish.motion {
             *direction *= self.given_direction();
         }
         if wish.is_one_command {
@@ -67,12 +67,12 @@ impl SimDrive {
             wish.bus_frequency = self.control.bus_frequency;
         }
         let needs_sources = !has_priority(run) && !wish.release;
-        let has_sources =
-            self.is_source_at_bus(Role::RunSource) && self.is_source_at_bus(Role::FrequencySource);
+        let has_sources = self.is_source_at_bus(RegisterRole::RunSource)
+            && self.is_source_at_bus(RegisterRole::FrequencySource);
         if (needs_sources && !has_sources)
             || (self.wanted_direction(wish.motion) != 0 && self.tripped)
         {
-            return Err(Objection::NotNow);
+            return Err(RequestObjection::NotNow);
         }
         let stood = is_of_reset && self.control.reset_stands;
         self.control.reset_stands |= is_of_reset && run_clears(&self.model);
@@ -93,12 +93,12 @@ impl SimDrive {
         at: MonoTime,
         place: MemoryAddress,
         word: u16,
-    ) -> Result<(), Objection> {
+    ) -> Result<(), RequestObjection> {
         let words = self
             .model
             .direction_at(self.model.registers[place.index].address);
         if !words.is_some_and(|words| word == words.forward || Some(word) == words.reverse) {
-            return Err(Objection::Value);
+            return Err(RequestObjection::Value);
         }
         self.take(place, word);
         let sign = self.given_direction();

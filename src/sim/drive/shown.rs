@@ -5,19 +5,19 @@ use super::memory::index_of;
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
-use crate::profile::model::{Register, Role};
+use crate::profile::model::{Register, RegisterRole};
 use crate::profile::value::code_under;
 use crate::sim::motor::MICROHERTZ;
-use crate::sim::trip::TripRecord;
+use crate::sim::trip::SimTripRecord;
 
 /// Millionths in a unit of measure: readings are whole numbers of them.
 const MICRO: i64 = 1_000_000;
 /// The words of a trip record in a block, in order.
-const RECORD: [Role; 4] = [
-    Role::TripCause,
-    Role::TripFrequency,
-    Role::TripCurrent,
-    Role::TripDcLinkVoltage,
+const RECORD: [RegisterRole; 4] = [
+    RegisterRole::TripCause,
+    RegisterRole::TripFrequency,
+    RegisterRole::TripCurrent,
+    RegisterRole::TripDcLinkVoltage,
 ];
 /// Number of records in such a block: the newest and the five before it.
 const BLOCK_RECORDS: u16 = 6;
@@ -34,23 +34,25 @@ impl SimDrive {
             return code_under(word, register.form.mask);
         }
         match register.role {
-            Some(Role::TripCode) => {
+            Some(RegisterRole::TripCode) => {
                 if self.tripped {
                     self.trips.newest().cause
                 } else {
                     0
                 }
             }
-            Some(role @ (Role::TripBits | Role::WarningCode | Role::WarningBits)) => {
-                (self.bits(role).unwrap_or(0) & 0xFFFF) as u16
-            }
-            Some(Role::TripCount) => self.trips.count(),
-            Some(Role::TripCause) => self.trips.newest().cause,
-            Some(Role::TripHistory) => self
+            Some(
+                role @ (RegisterRole::TripBits
+                | RegisterRole::WarningCode
+                | RegisterRole::WarningBits),
+            ) => (self.bits(role).unwrap_or(0) & 0xFFFF) as u16,
+            Some(RegisterRole::TripCount) => self.trips.count(),
+            Some(RegisterRole::TripCause) => self.trips.newest().cause,
+            Some(RegisterRole::TripHistory) => self
                 .trips
                 .record(self.place_in_history(register))
                 .map_or(0, |it| it.cause),
-            Some(Role::RunHours) => {
+            Some(RegisterRole::RunHours) => {
                 let hours =
                     i64::from(self.options.run_hours) * MICRO + self.run_clock.microhours(at);
                 raw(register, hours)
@@ -66,10 +68,10 @@ impl SimDrive {
     }
 
     /// What a register with `role` shows that holds the bits of trips, or warnings, in one word or two.
-    pub(super) fn bits(&self, role: Role) -> Option<u32> {
+    pub(super) fn bits(&self, role: RegisterRole) -> Option<u32> {
         match role {
-            Role::TripBits => Some(if self.tripped { self.trip_bits } else { 0 }),
-            Role::WarningCode | Role::WarningBits => Some(self.warning),
+            RegisterRole::TripBits => Some(if self.tripped { self.trip_bits } else { 0 }),
+            RegisterRole::WarningCode | RegisterRole::WarningBits => Some(self.warning),
             _ => None,
         }
     }
@@ -86,24 +88,24 @@ impl SimDrive {
     }
 
     /// Whether a register with `role` is a measurement, which cannot be written.
-    pub(super) fn is_measured(role: Role) -> bool {
+    pub(super) fn is_measured(role: RegisterRole) -> bool {
         !matches!(
             role,
-            Role::RunCommand
-                | Role::Order
-                | Role::FrequencyCommand
-                | Role::FrequencySetting
-                | Role::AccelerationTime
-                | Role::DecelerationTime
-                | Role::FrequencySource
-                | Role::RunSource
+            RegisterRole::RunCommand
+                | RegisterRole::Order
+                | RegisterRole::FrequencyCommand
+                | RegisterRole::FrequencySetting
+                | RegisterRole::AccelerationTime
+                | RegisterRole::DecelerationTime
+                | RegisterRole::FrequencySource
+                | RegisterRole::RunSource
         )
     }
 
     /// The value of `register`, in millionths of its unit of measure, if it is measured.
     pub(super) fn measured(&self, at: MonoTime, register: &Register) -> Option<i64> {
         match register.role? {
-            Role::RunHours => {
+            RegisterRole::RunHours => {
                 Some(i64::from(self.options.run_hours) * MICRO + self.run_clock.microhours(at))
             }
             role => self.reading(at, role),
@@ -111,34 +113,34 @@ impl SimDrive {
     }
 
     /// The value of a register with `role`, in millionths of its unit of measure.
-    fn reading(&self, at: MonoTime, role: Role) -> Option<i64> {
+    fn reading(&self, at: MonoTime, role: RegisterRole) -> Option<i64> {
         let output = self.motor.output(at);
         let trip = self.trips.newest();
         Some(match role {
-            Role::FrequencyCommand | Role::FrequencySetting => self.setpoint,
-            Role::OutputFrequency => output,
-            Role::OutputCurrent => self.current(output),
-            Role::OutputVoltage => self.voltage(output),
-            Role::DcLinkVoltage => self.dc_link(output),
-            Role::OutputPower => power(self.current(output), self.voltage(output)),
+            RegisterRole::FrequencyCommand | RegisterRole::FrequencySetting => self.setpoint,
+            RegisterRole::OutputFrequency => output,
+            RegisterRole::OutputCurrent => self.current(output),
+            RegisterRole::OutputVoltage => self.voltage(output),
+            RegisterRole::DcLinkVoltage => self.dc_link(output),
+            RegisterRole::OutputPower => power(self.current(output), self.voltage(output)),
             // As if it ran at its rated power all the time.
-            Role::Energy => {
+            RegisterRole::Energy => {
                 let power = power(self.rated_current(), self.rated_voltage());
                 (self.run_clock.microhours(at) / 1000).saturating_mul(power / 1000)
             }
-            Role::Torque => self.share(100 * MICRO, output) * output.signum(),
-            Role::Temperature => 25 * MICRO + self.share(20 * MICRO, output),
-            Role::TripFrequency => trip.frequency,
-            Role::TripCurrent => trip.current,
-            Role::TripDcLinkVoltage => trip.dc_link,
+            RegisterRole::Torque => self.share(100 * MICRO, output) * output.signum(),
+            RegisterRole::Temperature => 25 * MICRO + self.share(20 * MICRO, output),
+            RegisterRole::TripFrequency => trip.frequency,
+            RegisterRole::TripCurrent => trip.current,
+            RegisterRole::TripDcLinkVoltage => trip.dc_link,
             _ => return None,
         })
     }
 
     /// The record of a trip at this moment.
-    pub(super) fn record(&self, at: MonoTime, cause: u16) -> TripRecord {
+    pub(super) fn record(&self, at: MonoTime, cause: u16) -> SimTripRecord {
         let output = self.motor.output(at);
-        TripRecord {
+        SimTripRecord {
             cause,
             frequency: output,
             current: self.current(output),
@@ -152,7 +154,7 @@ impl SimDrive {
         let registers = &self.model.registers;
         let first = index_of(
             &self.model,
-            self.model.register_for(Role::TripCause)?.address,
+            self.model.register_for(RegisterRole::TripCause)?.address,
         )?;
         let newest = registers.get(first..first + RECORD.len())?;
         let start = newest[0].address;
@@ -166,7 +168,7 @@ impl SimDrive {
                 });
         let older = registers
             .iter()
-            .filter(|it| it.role == Some(Role::TripHistory));
+            .filter(|it| it.role == Some(RegisterRole::TripHistory));
         let is_block = is_listed
             && older
                 .zip(1..)
@@ -200,18 +202,18 @@ impl SimDrive {
             .model
             .registers
             .iter()
-            .filter(|it| it.role == Some(Role::TripHistory));
+            .filter(|it| it.role == Some(RegisterRole::TripHistory));
         let before = older.filter(|it| it.address < register.address).count();
-        before + usize::from(self.model.register_for(Role::TripCause).is_some())
+        before + usize::from(self.model.register_for(RegisterRole::TripCause).is_some())
     }
 
     /// `micro` as shown by `register`: in its unit, or in percent of the rated value.
     fn word_of(&self, register: &Register, micro: i64) -> u16 {
         let rated = match register.role {
-            Some(Role::OutputCurrent | Role::TripCurrent) => self.rated_current(),
-            Some(Role::OutputVoltage) => self.rated_voltage(),
-            Some(Role::DcLinkVoltage | Role::TripDcLinkVoltage) => self.dc_link(0),
-            Some(Role::OutputPower) => power(self.rated_current(), self.rated_voltage()),
+            Some(RegisterRole::OutputCurrent | RegisterRole::TripCurrent) => self.rated_current(),
+            Some(RegisterRole::OutputVoltage) => self.rated_voltage(),
+            Some(RegisterRole::DcLinkVoltage | RegisterRole::TripDcLinkVoltage) => self.dc_link(0),
+            Some(RegisterRole::OutputPower) => power(self.rated_current(), self.rated_voltage()),
             _ => 0,
         };
         if register.unit == UnitOfMeasure::Percent && rated > 0 {
@@ -265,8 +267,8 @@ fn power(current: i64, voltage: i64) -> i64 {
     current / 1_000 * (voltage / 1_000) / 1_000 * 15 / 10
 }
 
-fn is_of_a_trip(role: Role) -> bool {
-    role == Role::TripHistory || RECORD.contains(&role)
+fn is_of_a_trip(role: RegisterRole) -> bool {
+    role == RegisterRole::TripHistory || RECORD.contains(&role)
 }
 
 /// `micro` millionths as `register` can hold it: negative ones without their sign where it has none.

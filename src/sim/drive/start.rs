@@ -1,15 +1,15 @@
 //! A start in several words: the run word turns the motor only after the others, in their order.
 
 use super::SimDrive;
-use super::command::Motion;
+use super::command::MotorMotion;
 use super::memory::MemoryAddress;
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{OrderKind, Role};
+use crate::profile::model::{OrderKind, RegisterRole};
 
 /// How far a start has come.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Readiness {
+pub(super) struct StartReadiness {
     /// Number of words that the drive has followed.
     followed: usize,
     /// When the drive was given the last of the followed words.
@@ -56,7 +56,7 @@ impl SimDrive {
         at: MonoTime,
         place: MemoryAddress,
         word: u16,
-        motion: Option<Motion>,
+        motion: Option<MotorMotion>,
     ) -> bool {
         let steps = self.model.start_steps();
         let count = steps.len();
@@ -80,7 +80,7 @@ impl SimDrive {
             }
             Some(_) => {}
             None if is_taken_back && !is_stop => self.start.followed = 0,
-            None if matches!(motion, Some(Motion::Run(_))) && !self.is_ready(at, place) => {
+            None if matches!(motion, Some(MotorMotion::Run(_))) && !self.is_ready(at, place) => {
                 self.take(place, word);
                 return true;
             }
@@ -92,7 +92,7 @@ impl SimDrive {
             self.cut_off(at);
         } else if self.is_run_from_bus()
             && self.control.direction != 0
-            && !matches!(motion, Some(Motion::Keep(_)))
+            && !matches!(motion, Some(MotorMotion::Keep(_)))
         {
             self.run(at, 0, false);
         }
@@ -152,7 +152,7 @@ impl SimDrive {
         // The register of run commands shows what was written there.
         let is_own = self
             .model
-            .register_for(Role::RunCommand)
+            .register_for(RegisterRole::RunCommand)
             .is_some_and(|run| run.address == address);
         match until {
             Some(until) if !is_own && until.address == address && !self.tripped && !runs => {

@@ -3,18 +3,18 @@
 use super::SimDrive;
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{ClearWords, Flag, MaskedWord, StatusFlag};
+use crate::profile::model::{ClearWords, IndicatedState, MaskedWord, StatusFlag};
 
 /// From the weakest to the strongest: if two share bits, the later one is shown.
-const FLAGS: [Flag; 8] = [
-    Flag::Ready,
-    Flag::BusRun,
-    Flag::BusFrequency,
-    Flag::Reverse,
-    Flag::Running,
-    Flag::Alarm,
-    Flag::Stopping,
-    Flag::Tripped,
+const FLAGS: [IndicatedState; 8] = [
+    IndicatedState::Ready,
+    IndicatedState::BusRun,
+    IndicatedState::BusFrequency,
+    IndicatedState::Reverse,
+    IndicatedState::Running,
+    IndicatedState::Alarm,
+    IndicatedState::Stopping,
+    IndicatedState::Tripped,
 ];
 
 impl SimDrive {
@@ -48,18 +48,18 @@ impl SimDrive {
     }
 
     /// Whether `flag` is set at `at`.
-    fn is_so(&self, at: MonoTime, flag: Flag) -> bool {
+    fn is_so(&self, at: MonoTime, flag: IndicatedState) -> bool {
         let output = self.motor.output(at);
         let direction = self.control.direction * self.setpoint_sign();
         match flag {
-            Flag::Running => self.shows_running(at),
-            Flag::Reverse => output < 0 || (output == 0 && direction < 0),
-            Flag::Stopping => output != 0 && direction == 0,
-            Flag::Tripped => self.tripped,
-            Flag::Alarm => self.alarm,
-            Flag::Ready => !self.tripped,
-            Flag::BusRun => self.is_run_from_bus(),
-            Flag::BusFrequency => self.is_frequency_from_bus(),
+            IndicatedState::Running => self.shows_running(at),
+            IndicatedState::Reverse => output < 0 || (output == 0 && direction < 0),
+            IndicatedState::Stopping => output != 0 && direction == 0,
+            IndicatedState::Tripped => self.tripped,
+            IndicatedState::Alarm => self.alarm,
+            IndicatedState::Ready => !self.tripped,
+            IndicatedState::BusRun => self.is_run_from_bus(),
+            IndicatedState::BusFrequency => self.is_frequency_from_bus(),
         }
     }
 }

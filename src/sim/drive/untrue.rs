@@ -16,7 +16,7 @@ pub(super) struct UntrueReads {
 }
 
 /// What a read of one address shows.
-pub(super) enum Shows {
+pub(super) enum ShownWord {
     /// What is so.
     Truth,
     /// This word.
@@ -31,12 +31,12 @@ impl UntrueReads {
         self.too_long_at == Some(first)
     }
 
-    pub(super) fn at(&self, address: Address) -> Shows {
+    pub(super) fn at(&self, address: Address) -> ShownWord {
         match (self.single.get(&address), self.everywhere) {
-            (Some(Some(word)), _) => Shows::Word(*word),
-            (None, Some(word)) => Shows::Word(word),
-            (Some(None), _) => Shows::Nothing,
-            (None, None) => Shows::Truth,
+            (Some(Some(word)), _) => ShownWord::Word(*word),
+            (None, Some(word)) => ShownWord::Word(word),
+            (Some(None), _) => ShownWord::Nothing,
+            (None, None) => ShownWord::Truth,
         }
     }
 }

@@ -7,7 +7,7 @@ use crate::sim::motor::Motor;
 
 /// The reaction of a drive to a bus that has been silent for too long.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Reaction {
+enum WatchdogReaction {
     Decelerate,
     Coast,
     /// Trips with the number for a lost communication.
@@ -25,10 +25,10 @@ impl SimDrive {
         self.has_expired = true;
         self.report.watchdog_expiries += 1;
         match self.reaction() {
-            Reaction::Decelerate => self.run(due, 0, false),
-            Reaction::Coast => self.cut_off(due),
-            Reaction::Trip(code) => self.trip(due, code),
-            Reaction::Keep => {}
+            WatchdogReaction::Decelerate => self.run(due, 0, false),
+            WatchdogReaction::Coast => self.cut_off(due),
+            WatchdogReaction::Trip(code) => self.trip(due, code),
+            WatchdogReaction::Keep => {}
         }
     }
 
@@ -37,9 +37,9 @@ impl SimDrive {
         let mut motor = self.motor.clone();
         if let Some(due) = self.watchdog_due().filter(|due| *due <= at) {
             match self.reaction() {
-                Reaction::Decelerate => motor.ramp_to(due, 0),
-                Reaction::Coast | Reaction::Trip(_) => motor.cut_off(due),
-                Reaction::Keep => {}
+                WatchdogReaction::Decelerate => motor.ramp_to(due, 0),
+                WatchdogReaction::Coast | WatchdogReaction::Trip(_) => motor.cut_off(due),
+                WatchdogReaction::Keep => {}
             }
         }
         motor
@@ -60,7 +60,7 @@ impl SimDrive {
 
     /// The reaction in the action register, from the meaning of its word. Without a meaning, the drive trips if it has a
     /// number for that, else it stops.
-    fn reaction(&self) -> Reaction {
+    fn reaction(&self) -> WatchdogReaction {
         let action = self
             .model
             .watchdog
@@ -77,14 +77,14 @@ impl SimDrive {
             .find(|it| is_lost(&it.text))
             .map(|it| it.code);
         let Some(text) = text.map(str::to_lowercase) else {
-            return code.map_or(Reaction::Decelerate, Reaction::Trip);
+            return code.map_or(WatchdogReaction::Decelerate, WatchdogReaction::Trip);
         };
         let says = |parts: &[&str]| parts.iter().any(|part| text.contains(part));
         match code {
-            _ if says(&["keep", "continu"]) => Reaction::Keep,
-            Some(code) if says(&["trip", "fault"]) => Reaction::Trip(code),
-            _ if says(&["trip", "fault", "coast"]) => Reaction::Coast,
-            _ => Reaction::Decelerate,
+            _ if says(&["keep", "continu"]) => WatchdogReaction::Keep,
+            Some(code) if says(&["trip", "fault"]) => WatchdogReaction::Trip(code),
+            _ if says(&["trip", "fault", "coast"]) => WatchdogReaction::Coast,
+            _ => WatchdogReaction::Decelerate,
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Every frame that is known of the drives: printed, misprinted, or built from what is printed.
 
 use super::*;
-use crate::profile::scale::Scaled;
+use crate::profile::scale::ScaledValue;
 use crate::wire::crc;
 use serde_json::Value;
 use std::collections::BTreeSet;
@@ -375,7 +375,7 @@ fn words_mean_what_the_collection_says() {
         let Some(model) = &frame.model else { continue };
         let value_at = |address: u16| {
             let word = frame.carried()[usize::from(address - frame.request.word(2))];
-            Scaled::from_word(word, model.register_at(address).unwrap()).value()
+            ScaledValue::from_word(word, model.register_at(address).unwrap()).value()
         };
         if let Some(value) = frame
             .value
@@ -424,7 +424,10 @@ fn run_words_of_the_frames_are_commands_of_the_models() {
     let mut seen = Vec::new();
     for frame in frames() {
         let Some(model) = &frame.model else { continue };
-        let register = model.register_for(Role::RunCommand).unwrap().address;
+        let register = model
+            .register_for(RegisterRole::RunCommand)
+            .unwrap()
+            .address;
         if frame.request.function() != 6 || register != frame.request.word(2) {
             continue;
         }

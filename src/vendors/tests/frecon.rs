@@ -5,9 +5,9 @@ use crate::domain::address::Address;
 use crate::domain::units::UnitOfMeasure::{
     Ampere, Celsius, Hertz, Hour, Kilowatt, KilowattHour, None as Plain, Percent, Rpm, Second, Volt,
 };
-use crate::profile::model::Access::{Read, ReadWrite, Write};
 use crate::profile::model::Confidence::{Default, Inferred, Manual, SecondSource};
-use crate::profile::model::{Boundary, Factory, RefusedWrite};
+use crate::profile::model::RegisterAccess::{Read, ReadWrite, Write};
+use crate::profile::model::{FactorySetting, ReadBoundary, RefusedWrite};
 
 fn fr500a() -> Arc<Model> {
     model("frecon-fr500a")
@@ -136,8 +136,8 @@ fn registers_are_those_of_the_manual() {
     let ram = addresses(&model, |it| {
         it.access == ReadWrite || [0x2000, 0x2001].contains(&it.address.number())
     });
-    assert_eq!(in_memory(&model, Memory::Ram), ram);
-    assert_eq!(in_memory(&model, Memory::Stored), NOTHING);
+    assert_eq!(in_memory(&model, RegisterMemory::Ram), ram);
+    assert_eq!(in_memory(&model, RegisterMemory::Stored), NOTHING);
     assert_eq!(
         ranges(&model),
         [
@@ -164,28 +164,28 @@ fn registers_have_their_uses() {
     let history = [0x3105, 0x310A]
         .into_iter()
         .chain(0x310F..=0x3119)
-        .map(|address| (Role::TripHistory, address));
+        .map(|address| (RegisterRole::TripHistory, address));
     let single = [
-        (Role::FrequencySource, 0x0101),
-        (Role::RunSource, 0x0200),
-        (Role::AccelerationTime, 0x0300),
-        (Role::DecelerationTime, 0x0301),
-        (Role::RunCommand, 0x2000),
-        (Role::FrequencyCommand, 0x2001),
-        (Role::OutputFrequency, 0x3000),
-        (Role::FrequencySetting, 0x3001),
-        (Role::OutputVoltage, 0x3002),
-        (Role::OutputCurrent, 0x3003),
-        (Role::OutputPower, 0x3004),
-        (Role::DcLinkVoltage, 0x3006),
-        (Role::Temperature, 0x3017),
-        (Role::RunHours, 0x301B),
-        (Role::Energy, 0x3023),
-        (Role::Torque, 0x301F),
-        (Role::TripCause, 0x3100),
-        (Role::TripFrequency, 0x3101),
-        (Role::TripCurrent, 0x3102),
-        (Role::TripDcLinkVoltage, 0x3103),
+        (RegisterRole::FrequencySource, 0x0101),
+        (RegisterRole::RunSource, 0x0200),
+        (RegisterRole::AccelerationTime, 0x0300),
+        (RegisterRole::DecelerationTime, 0x0301),
+        (RegisterRole::RunCommand, 0x2000),
+        (RegisterRole::FrequencyCommand, 0x2001),
+        (RegisterRole::OutputFrequency, 0x3000),
+        (RegisterRole::FrequencySetting, 0x3001),
+        (RegisterRole::OutputVoltage, 0x3002),
+        (RegisterRole::OutputCurrent, 0x3003),
+        (RegisterRole::OutputPower, 0x3004),
+        (RegisterRole::DcLinkVoltage, 0x3006),
+        (RegisterRole::Temperature, 0x3017),
+        (RegisterRole::RunHours, 0x301B),
+        (RegisterRole::Energy, 0x3023),
+        (RegisterRole::Torque, 0x301F),
+        (RegisterRole::TripCause, 0x3100),
+        (RegisterRole::TripFrequency, 0x3101),
+        (RegisterRole::TripCurrent, 0x3102),
+        (RegisterRole::TripDcLinkVoltage, 0x3103),
     ];
     assert_roles(
         &model,
@@ -220,7 +220,7 @@ fn the_link_is_that_of_the_manual() {
     assert_eq!(
         parts(&link.default),
         (
-            Factory::Set(LinkSettings {
+            FactorySetting::Set(LinkSettings {
                 stop_bits: 2,
                 ..LinkSettings::DEFAULT
             }),
@@ -272,7 +272,7 @@ fn times_and_limits_are_those_of_the_manual() {
     assert_eq!(parts(&model.functions), (vec![3, 6, 8], SecondSource));
     assert_eq!(
         (parts(&model.read.max_words), model.read.boundary),
-        ((8, SecondSource), Some(Boundary::HighByte))
+        ((8, SecondSource), Some(ReadBoundary::HighByte))
     );
     assert_eq!(
         parts(&model.write.refused),
@@ -343,20 +343,56 @@ fn the_state_is_that_of_the_manual() {
     assert_eq!(
         status(&model),
         [
-            (Flag::Running, 0x2100, 0xFFFF, vec![1, 2, 3], SecondSource),
-            (Flag::Stopping, 0x2100, 0xFFFF, vec![4, 5], SecondSource),
-            (Flag::Tripped, 0x2100, 0xFFFF, vec![6], SecondSource),
-            (Flag::Reverse, 0x2101, 0x0002, vec![0x0002], SecondSource),
-            (Flag::BusRun, 0x2101, 0x000C, vec![0x0008], SecondSource),
-            (Flag::BusFrequency, 0x0101, 0xFFFF, vec![3], SecondSource)
+            (
+                IndicatedState::Running,
+                0x2100,
+                0xFFFF,
+                vec![1, 2, 3],
+                SecondSource
+            ),
+            (
+                IndicatedState::Stopping,
+                0x2100,
+                0xFFFF,
+                vec![4, 5],
+                SecondSource
+            ),
+            (
+                IndicatedState::Tripped,
+                0x2100,
+                0xFFFF,
+                vec![6],
+                SecondSource
+            ),
+            (
+                IndicatedState::Reverse,
+                0x2101,
+                0x0002,
+                vec![0x0002],
+                SecondSource
+            ),
+            (
+                IndicatedState::BusRun,
+                0x2101,
+                0x000C,
+                vec![0x0008],
+                SecondSource
+            ),
+            (
+                IndicatedState::BusFrequency,
+                0x0101,
+                0xFFFF,
+                vec![3],
+                SecondSource
+            )
         ]
     );
     // Running forward, the sign of the reference negative, run command from the terminals.
     let holds = |flag, word| model.status_flag(flag).unwrap().holds(word);
     assert!(
-        !holds(Flag::Reverse, 0b0101)
-            && !holds(Flag::BusRun, 0b0101)
-            && holds(Flag::BusRun, 0b1010)
+        !holds(IndicatedState::Reverse, 0b0101)
+            && !holds(IndicatedState::BusRun, 0b0101)
+            && holds(IndicatedState::BusRun, 0b1010)
     );
 }
 

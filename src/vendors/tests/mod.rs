@@ -17,8 +17,8 @@ use crate::domain::link::{Framing, Interface, LinkSettings, Parity};
 use crate::domain::units::UnitOfMeasure;
 use crate::profile::catalog::Catalog;
 use crate::profile::model::{
-    Access, Barrier, BarrierRead, CodeText, Confidence, Fact, Flag, Memory, Model, PollClass,
-    Register, Role, RunForm,
+    Barrier, BarrierRead, CodeText, Confidence, Fact, IndicatedState, Model, PollClass, Register,
+    RegisterAccess, RegisterMemory, RegisterRole, RunForm,
 };
 use crate::profile::summary::summary;
 use std::ops::RangeInclusive;
@@ -52,7 +52,7 @@ type Row = (
     Option<&'static str>,
     u32,
     UnitOfMeasure,
-    Access,
+    RegisterAccess,
     Confidence,
 );
 
@@ -80,7 +80,7 @@ fn assert_registers(model: &Model, rows: &[Row]) {
 }
 
 /// Where each role is; a role that several registers have comes several times.
-fn roles(model: &Model) -> Vec<(Role, u16)> {
+fn roles(model: &Model) -> Vec<(RegisterRole, u16)> {
     let mut roles: Vec<_> = model
         .registers
         .iter()
@@ -91,7 +91,7 @@ fn roles(model: &Model) -> Vec<(Role, u16)> {
 }
 
 #[track_caller]
-fn assert_roles(model: &Model, expected: &[(Role, u16)]) {
+fn assert_roles(model: &Model, expected: &[(RegisterRole, u16)]) {
     let mut expected = expected.to_vec();
     expected.sort_unstable();
     assert_eq!(roles(model), expected);
@@ -115,7 +115,7 @@ fn back_doors(model: &Model) -> Vec<u16> {
     addresses(model, |register| register.back_door.is_some())
 }
 
-fn in_memory(model: &Model, memory: Memory) -> Vec<u16> {
+fn in_memory(model: &Model, memory: RegisterMemory) -> Vec<u16> {
     addresses(model, |register| register.memory == Some(memory))
 }
 
@@ -145,7 +145,7 @@ fn meanings(model: &Model, address: u16) -> Vec<(u16, &str)> {
 }
 
 /// Flag, register, mask, values and confidence.
-type StatusRow = (Flag, u16, u16, Vec<u16>, Confidence);
+type StatusRow = (IndicatedState, u16, u16, Vec<u16>, Confidence);
 
 fn status(model: &Model) -> Vec<StatusRow> {
     model
@@ -210,11 +210,16 @@ fn barrier_read(address: u16, count: u16) -> Barrier {
 fn run_state_and_trips_are_in_the_fast_class_of_every_model() {
     for model in CATALOG.models() {
         let class = |register: &Register| register.poll;
-        let output = model.register_for(Role::OutputFrequency);
+        let output = model.register_for(RegisterRole::OutputFrequency);
         // What a drive that takes orders does must be seen.
         let is_seen = output.map_or(model.run.is_none(), |it| class(it) == Some(PollClass::Fast));
         assert!(is_seen, "{}", model.id);
-        for flag in [Flag::Running, Flag::Stopping, Flag::Reverse, Flag::Tripped] {
+        for flag in [
+            IndicatedState::Running,
+            IndicatedState::Stopping,
+            IndicatedState::Reverse,
+            IndicatedState::Tripped,
+        ] {
             let register = model
                 .status_flag(flag)
                 .map(|flag| model.readable_at(flag.address).unwrap());
@@ -227,7 +232,7 @@ fn run_state_and_trips_are_in_the_fast_class_of_every_model() {
         let Some(trip) = model.trip_register() else {
             continue;
         };
-        let wanted = if trip.role == Some(Role::TripCount) {
+        let wanted = if trip.role == Some(RegisterRole::TripCount) {
             PollClass::Second
         } else {
             PollClass::Fast

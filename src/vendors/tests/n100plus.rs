@@ -3,10 +3,10 @@
 use super::*;
 use crate::domain::address::Address;
 use crate::domain::units::UnitOfMeasure::{Ampere, Hertz, Hour, None as Plain, Second, Volt};
-use crate::profile::model::Access::{Read, ReadWrite, Write};
 use crate::profile::model::BitMeaning::{Reset, RunForward, RunReverse};
 use crate::profile::model::Confidence::{Default, Inferred, Manual, Sibling};
-use crate::profile::model::{Boundary, CodeRule, Factory, Quirks, RefusedWrite};
+use crate::profile::model::RegisterAccess::{Read, ReadWrite, Write};
+use crate::profile::model::{CodeRule, DriveQuirks, FactorySetting, ReadBoundary, RefusedWrite};
 use crate::profile::register::{extra_register, with_extra};
 use crate::toml_file::document;
 
@@ -66,8 +66,8 @@ fn registers_are_those_of_the_sheet() {
     assert_eq!(back_doors(&model), [0x0304]);
     assert_eq!(
         (
-            in_memory(&model, Memory::Ram),
-            in_memory(&model, Memory::Stored)
+            in_memory(&model, RegisterMemory::Ram),
+            in_memory(&model, RegisterMemory::Stored)
         ),
         (vec![], vec![])
     );
@@ -90,26 +90,26 @@ fn registers_have_their_uses() {
     assert_roles(
         &model,
         &[
-            (Role::RunCommand, 0x0002),
-            (Role::FrequencyCommand, 0x0004),
-            (Role::FrequencySetting, 0x0201),
-            (Role::OutputFrequency, 0x0101),
-            (Role::OutputCurrent, 0x0102),
-            (Role::OutputVoltage, 0x0103),
-            (Role::RunHours, 0x010A),
-            (Role::DcLinkVoltage, 0x010C),
-            (Role::TripCause, 0x010D),
-            (Role::TripFrequency, 0x010E),
-            (Role::TripCurrent, 0x010F),
-            (Role::TripDcLinkVoltage, 0x0110),
-            (Role::TripHistory, 0x0111),
-            (Role::TripHistory, 0x0115),
-            (Role::TripHistory, 0x0119),
-            (Role::TripCount, 0x011D),
-            (Role::AccelerationTime, 0x0202),
-            (Role::DecelerationTime, 0x0203),
-            (Role::FrequencySource, 0x0301),
-            (Role::RunSource, 0x0302),
+            (RegisterRole::RunCommand, 0x0002),
+            (RegisterRole::FrequencyCommand, 0x0004),
+            (RegisterRole::FrequencySetting, 0x0201),
+            (RegisterRole::OutputFrequency, 0x0101),
+            (RegisterRole::OutputCurrent, 0x0102),
+            (RegisterRole::OutputVoltage, 0x0103),
+            (RegisterRole::RunHours, 0x010A),
+            (RegisterRole::DcLinkVoltage, 0x010C),
+            (RegisterRole::TripCause, 0x010D),
+            (RegisterRole::TripFrequency, 0x010E),
+            (RegisterRole::TripCurrent, 0x010F),
+            (RegisterRole::TripDcLinkVoltage, 0x0110),
+            (RegisterRole::TripHistory, 0x0111),
+            (RegisterRole::TripHistory, 0x0115),
+            (RegisterRole::TripHistory, 0x0119),
+            (RegisterRole::TripCount, 0x011D),
+            (RegisterRole::AccelerationTime, 0x0202),
+            (RegisterRole::DecelerationTime, 0x0203),
+            (RegisterRole::FrequencySource, 0x0301),
+            (RegisterRole::RunSource, 0x0302),
         ],
     );
     assert_eq!(polled(&model, PollClass::Fast), [0x0101]);
@@ -127,7 +127,7 @@ fn the_link_is_that_of_the_manual() {
     let link = &model.link;
     assert_eq!(
         parts(&link.default),
-        (Factory::Set(LinkSettings::DEFAULT), Inferred)
+        (FactorySetting::Set(LinkSettings::DEFAULT), Inferred)
     );
     assert_eq!(parts(&link.bauds), (vec![9600], Manual));
     assert_eq!(
@@ -160,7 +160,7 @@ fn times_and_limits_are_those_of_the_sheet() {
     assert_eq!(parts(&model.functions), (vec![3, 6], Manual));
     assert_eq!(
         (parts(&model.read.max_words), model.read.boundary),
-        ((8, Manual), Some(Boundary::HighByte))
+        ((8, Manual), Some(ReadBoundary::HighByte))
     );
     assert_eq!(
         parts(&model.write.refused),
@@ -177,7 +177,7 @@ fn times_and_limits_are_those_of_the_sheet() {
     );
     assert_eq!(
         (codes(&model.exceptions), &model.quirks),
-        (vec![], &Quirks::default())
+        (vec![], &DriveQuirks::default())
     );
 }
 
@@ -227,8 +227,14 @@ fn trips_sources_and_codes_are_those_of_the_manual() {
         Some(("ground fault", Manual))
     );
     let on_the_bus = [
-        (Flag::BusRun, 0x0302, 0xFFFF, vec![2], Inferred),
-        (Flag::BusFrequency, 0x0301, 0xFFFF, vec![3], Inferred),
+        (IndicatedState::BusRun, 0x0302, 0xFFFF, vec![2], Inferred),
+        (
+            IndicatedState::BusFrequency,
+            0x0301,
+            0xFFFF,
+            vec![3],
+            Inferred,
+        ),
     ];
     assert_eq!(status(&model), on_the_bus);
     // 3 for one and 2 for the other.

@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::domain::units::UnitOfMeasure::{Ampere, Hertz, None as Plain, Second, Volt};
-use crate::profile::model::Access::{Read, ReadWrite, Write};
 use crate::profile::model::Confidence::{Default, Inferred, Manual, SecondSource};
-use crate::profile::model::{Boundary, Factory, RefusedWrite};
+use crate::profile::model::RegisterAccess::{Read, ReadWrite, Write};
+use crate::profile::model::{FactorySetting, ReadBoundary, RefusedWrite};
 
 fn n700() -> Arc<Model> {
     model("hyundai-n700")
@@ -45,16 +45,16 @@ fn n700_registers_are_those_of_the_manuals() {
 fn n700_registers_have_their_uses() {
     let model = n700();
     let roles = [
-        (Role::RunCommand, 0x0002),
-        (Role::FrequencyCommand, 0x0004),
-        (Role::OutputFrequency, 0x0101),
-        (Role::TripCount, 0x0112),
-        (Role::TripCause, 0x0113),
-        (Role::FrequencySetting, 0x0201),
-        (Role::AccelerationTime, 0x020C),
-        (Role::DecelerationTime, 0x020E),
-        (Role::FrequencySource, 0x0211),
-        (Role::RunSource, 0x0212),
+        (RegisterRole::RunCommand, 0x0002),
+        (RegisterRole::FrequencyCommand, 0x0004),
+        (RegisterRole::OutputFrequency, 0x0101),
+        (RegisterRole::TripCount, 0x0112),
+        (RegisterRole::TripCause, 0x0113),
+        (RegisterRole::FrequencySetting, 0x0201),
+        (RegisterRole::AccelerationTime, 0x020C),
+        (RegisterRole::DecelerationTime, 0x020E),
+        (RegisterRole::FrequencySource, 0x0211),
+        (RegisterRole::RunSource, 0x0212),
     ];
     for (role, address) in roles {
         assert_eq!(
@@ -100,7 +100,7 @@ fn n700_link_is_that_of_the_manual() {
     let link = &n700().link;
     assert_eq!(
         parts(&link.default),
-        (Factory::Set(LinkSettings::DEFAULT), Manual)
+        (FactorySetting::Set(LinkSettings::DEFAULT), Manual)
     );
     assert_eq!(
         parts(&link.bauds),
@@ -140,7 +140,7 @@ fn n700_times_and_limits_are_those_of_the_manual() {
     assert_eq!(model.timing.processing_max, None);
     assert_eq!(
         (parts(&model.read.max_words), model.read.boundary),
-        ((8, Manual), Some(Boundary::HighByte))
+        ((8, Manual), Some(ReadBoundary::HighByte))
     );
     assert_eq!(
         (

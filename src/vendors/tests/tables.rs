@@ -1,7 +1,7 @@
 //! The tables of models in `docs/drives.md` and in the README, made from the models. `UPDATE_GOLDEN=1` rewrites them.
 
 use super::CATALOG;
-use crate::profile::model::{Confidence, FactPart, Flag, Model, OrderKind, Role};
+use crate::profile::model::{Confidence, FactPart, IndicatedState, Model, OrderKind, RegisterRole};
 use crate::toml_file::words::{FRAMINGS, INTERFACES, word_for};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -23,7 +23,7 @@ fn makers() -> BTreeMap<&'static str, Vec<&'static Model>> {
 }
 
 fn shown(confidence: Option<Confidence>) -> &'static str {
-    confidence.map_or("-", Confidence::word)
+    confidence.map_or("-", Confidence::keyword)
 }
 
 /// How sure it is where an order is given with the register that it is written to.
@@ -51,17 +51,18 @@ fn row(model: &Model) -> String {
     let setpoint = model
         .run
         .as_ref()
-        .and_then(|_| role(Role::FrequencyCommand));
-    let status = flag(Flag::Running).map_or_else(
+        .and_then(|_| role(RegisterRole::FrequencyCommand));
+    let status = flag(IndicatedState::Running).map_or_else(
         || {
-            role(Role::OutputFrequency).map_or_else(
+            role(RegisterRole::OutputFrequency).map_or_else(
                 || "-".to_owned(),
-                |it| format!("output only, {}", it.word()),
+                |it| format!("output only, {}", it.keyword()),
             )
         },
-        |it| it.word().to_owned(),
+        |it| it.keyword().to_owned(),
     );
-    let trip = flag(Flag::Tripped).or_else(|| model.trip_register().map(|it| it.confidence));
+    let trip =
+        flag(IndicatedState::Tripped).or_else(|| model.trip_register().map(|it| it.confidence));
     let mut lines: Vec<_> = model
         .link
         .interfaces

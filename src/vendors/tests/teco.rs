@@ -5,12 +5,12 @@ use crate::domain::address::Address;
 use crate::domain::units::UnitOfMeasure::{
     Ampere, Celsius, Hertz, Kilowatt, None as Plain, Rpm, Second, Volt,
 };
-use crate::profile::model::Access::{Read, ReadWrite, Write};
 use crate::profile::model::BitMeaning::{Other, Reset, Reverse, Run, Trip};
 use crate::profile::model::Confidence::{
     Default, Inferred, Manual, SecondSource, Sibling, ThirdParty,
 };
-use crate::profile::model::{Boundary, Factory, RefusedWrite};
+use crate::profile::model::RegisterAccess::{Read, ReadWrite, Write};
+use crate::profile::model::{FactorySetting, ReadBoundary, RefusedWrite};
 
 fn e510() -> Arc<Model> {
     model("teco-e510")
@@ -102,9 +102,9 @@ fn registers_are_those_of_the_sheet() {
     for model in [&e510, &e510s] {
         assert_eq!(signed(model), NOTHING);
         assert_eq!(back_doors(model), [0x0008, 0x000C, 0x000D, 0xA002]);
-        assert_eq!(in_memory(model, Memory::Ram), NOTHING);
+        assert_eq!(in_memory(model, RegisterMemory::Ram), NOTHING);
         assert_eq!(
-            in_memory(model, Memory::Stored),
+            in_memory(model, RegisterMemory::Stored),
             addresses(model, |register| register.address < 0x2000_u16.into())
         );
     }
@@ -155,20 +155,20 @@ fn codes_mean_other_things_on_the_other_model() {
 #[test]
 fn registers_have_their_uses() {
     let both = [
-        (Role::RunSource, 0x0002),
-        (Role::FrequencySource, 0x0005),
-        (Role::RunCommand, 0x2501),
-        (Role::FrequencyCommand, 0x2502),
-        (Role::TripCode, 0x2521),
-        (Role::FrequencySetting, 0x2523),
-        (Role::OutputFrequency, 0x2524),
-        (Role::OutputVoltage, 0x2525),
-        (Role::DcLinkVoltage, 0x2526),
-        (Role::OutputCurrent, 0x2527),
+        (RegisterRole::RunSource, 0x0002),
+        (RegisterRole::FrequencySource, 0x0005),
+        (RegisterRole::RunCommand, 0x2501),
+        (RegisterRole::FrequencyCommand, 0x2502),
+        (RegisterRole::TripCode, 0x2521),
+        (RegisterRole::FrequencySetting, 0x2523),
+        (RegisterRole::OutputFrequency, 0x2524),
+        (RegisterRole::OutputVoltage, 0x2525),
+        (RegisterRole::DcLinkVoltage, 0x2526),
+        (RegisterRole::OutputCurrent, 0x2527),
     ];
     let ramps = [
-        (Role::AccelerationTime, 0x000E),
-        (Role::DecelerationTime, 0x000F),
+        (RegisterRole::AccelerationTime, 0x000E),
+        (RegisterRole::DecelerationTime, 0x000F),
     ];
     assert_roles(&e510(), &[&both[..], &ramps].concat());
     assert_roles(&e510s(), &both);
@@ -206,9 +206,12 @@ fn the_link_is_that_of_the_sheet() {
     };
     assert_eq!(
         parts(&e510.link.default),
-        (Factory::Set(factory), ThirdParty)
+        (FactorySetting::Set(factory), ThirdParty)
     );
-    assert_eq!(parts(&e510s.link.default), (Factory::Set(factory), Sibling));
+    assert_eq!(
+        parts(&e510s.link.default),
+        (FactorySetting::Set(factory), Sibling)
+    );
     for (model, codes) in [(&e510, Sibling), (&e510s, SecondSource)] {
         let link = &model.link;
         assert_eq!(
@@ -255,7 +258,7 @@ fn times_and_limits_are_those_of_the_sheet() {
         );
         assert_eq!(model.timing.reply_char_bits, None);
         assert_eq!(model.functions.value, [0x03, 0x06, 0x08, 0x10]);
-        assert_eq!(model.read.boundary, Some(Boundary::HighByte));
+        assert_eq!(model.read.boundary, Some(ReadBoundary::HighByte));
         assert_eq!(
             parts(&model.write.refused),
             (RefusedWrite::Exception, SecondSource)
@@ -402,10 +405,10 @@ fn the_state_word_is_that_of_the_sheet() {
     for (model, sure) in [(e510(), ThirdParty), (e510s(), Inferred)] {
         let flag = |flag, bit: u16| (flag, 0x2520, 1 << bit, vec![1 << bit], sure);
         let flags = [
-            flag(Flag::Running, 0),
-            flag(Flag::Reverse, 1),
-            flag(Flag::Ready, 2),
-            flag(Flag::Tripped, 3),
+            flag(IndicatedState::Running, 0),
+            flag(IndicatedState::Reverse, 1),
+            flag(IndicatedState::Ready, 2),
+            flag(IndicatedState::Tripped, 3),
         ];
         assert_eq!(status(&model), flags);
     }

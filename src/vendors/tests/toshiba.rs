@@ -2,12 +2,12 @@
 
 use super::*;
 use crate::domain::units::UnitOfMeasure::{Hertz, None as Plain, Percent, Rpm, Second};
-use crate::profile::model::Access::{Read, ReadWrite, Write};
 use crate::profile::model::BitMeaning::{
     BusFrequency, BusRun, Coast, Jog, Other, Reset, Reverse, Run, Trip,
 };
 use crate::profile::model::Confidence::{Default, Inferred, Manual, Sibling, ThirdParty};
-use crate::profile::model::{BitMeaning, CodeRule, Factory, RefusedWrite};
+use crate::profile::model::RegisterAccess::{Read, ReadWrite, Write};
+use crate::profile::model::{BitMeaning, CodeRule, FactorySetting, RefusedWrite};
 
 fn as1() -> Arc<Model> {
     model("toshiba-vf-as1")
@@ -159,11 +159,11 @@ fn registers_are_those_of_the_sheet() {
         assert_eq!(signed(&model), NOTHING);
         assert_eq!(ranges(&model), [(0xF802, 0..=247)]);
         assert_eq!(
-            in_memory(&model, Memory::Ram),
+            in_memory(&model, RegisterMemory::Ram),
             [0xFA00, 0xFA01, 0xFA13, 0xFA20, 0xFA26, 0xFA50, 0xFA51]
         );
         assert_eq!(
-            in_memory(&model, Memory::Stored),
+            in_memory(&model, RegisterMemory::Stored),
             [0x0009, 0x0010, 0x0011, 0x0012, 0x0013]
         );
     }
@@ -188,24 +188,24 @@ fn registers_have_their_uses() {
         assert_roles(
             &model,
             &[
-                (Role::RunCommand, 0xFA00),
-                (Role::FrequencyCommand, 0xFA01),
-                (Role::RunSource, 0x0003),
-                (Role::FrequencySource, 0x0004),
-                (Role::AccelerationTime, 0x0009),
-                (Role::DecelerationTime, 0x0010),
-                (Role::TripCode, 0xFC90),
-                (Role::OutputFrequency, 0xFD00),
-                (Role::OutputCurrent, 0xFD03),
-                (Role::DcLinkVoltage, 0xFD04),
-                (Role::OutputVoltage, 0xFD05),
-                (Role::TripFrequency, 0xFE00),
-                (Role::TripCurrent, 0xFE03),
-                (Role::TripDcLinkVoltage, 0xFE04),
-                (Role::TripHistory, 0xFE10),
-                (Role::TripHistory, 0xFE11),
-                (Role::TripHistory, 0xFE12),
-                (Role::TripHistory, 0xFE13),
+                (RegisterRole::RunCommand, 0xFA00),
+                (RegisterRole::FrequencyCommand, 0xFA01),
+                (RegisterRole::RunSource, 0x0003),
+                (RegisterRole::FrequencySource, 0x0004),
+                (RegisterRole::AccelerationTime, 0x0009),
+                (RegisterRole::DecelerationTime, 0x0010),
+                (RegisterRole::TripCode, 0xFC90),
+                (RegisterRole::OutputFrequency, 0xFD00),
+                (RegisterRole::OutputCurrent, 0xFD03),
+                (RegisterRole::DcLinkVoltage, 0xFD04),
+                (RegisterRole::OutputVoltage, 0xFD05),
+                (RegisterRole::TripFrequency, 0xFE00),
+                (RegisterRole::TripCurrent, 0xFE03),
+                (RegisterRole::TripDcLinkVoltage, 0xFE04),
+                (RegisterRole::TripHistory, 0xFE10),
+                (RegisterRole::TripHistory, 0xFE11),
+                (RegisterRole::TripHistory, 0xFE12),
+                (RegisterRole::TripHistory, 0xFE13),
             ],
         );
         // The command can be read back, so it is the setting as well.
@@ -232,7 +232,7 @@ fn the_link_is_that_of_the_manuals() {
     };
     for (model, of_the_s15) in [(as1(), Sibling), (s15(), Manual)] {
         let link = &model.link;
-        assert_eq!(parts(&link.default), (Factory::Set(even), Manual));
+        assert_eq!(parts(&link.default), (FactorySetting::Set(even), Manual));
         assert_eq!(parts(&link.bauds), (vec![9600, 19_200, 38_400], Manual));
         assert_eq!(
             parts(&link.parities),
@@ -408,11 +408,11 @@ fn the_status_word_is_that_of_the_sheet() {
         assert_eq!(
             status(&model),
             [
-                flag(Flag::Running, 10),
-                flag(Flag::Reverse, 9),
-                flag(Flag::Tripped, 1),
-                flag(Flag::Alarm, 2),
-                flag(Flag::Ready, 14)
+                flag(IndicatedState::Running, 10),
+                flag(IndicatedState::Reverse, 9),
+                flag(IndicatedState::Tripped, 1),
+                flag(IndicatedState::Alarm, 2),
+                flag(IndicatedState::Ready, 14)
             ]
         );
         let shows = |word| {
@@ -424,8 +424,18 @@ fn the_status_word_is_that_of_the_sheet() {
                 .collect::<Vec<_>>()
         };
         // The VF-AS1's example of a run, and the VF-S15's of one with an alarm.
-        assert_eq!(shows(0x6400), [Flag::Running, Flag::Ready]);
-        assert_eq!(shows(0xE404), [Flag::Running, Flag::Alarm, Flag::Ready]);
+        assert_eq!(
+            shows(0x6400),
+            [IndicatedState::Running, IndicatedState::Ready]
+        );
+        assert_eq!(
+            shows(0xE404),
+            [
+                IndicatedState::Running,
+                IndicatedState::Alarm,
+                IndicatedState::Ready
+            ]
+        );
     }
 }
 

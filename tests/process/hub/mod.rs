@@ -21,7 +21,7 @@ use vfd_gateway::daemon::lines::simulated_end::LineEnd;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::link::{LinkSettings, Parity};
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::sim::{BusOptions, DriveOptions, Pacing, SimBus, SimDrive};
+use vfd_gateway::sim::{BusOptions, BusPacing, DriveOptions, SimBus, SimDrive};
 use vfd_gateway::vendors;
 use wire::Wire;
 
@@ -245,7 +245,7 @@ fn drives(stations: &[u8], link: LinkSettings) -> SimBus {
     let mut bus = SimBus::new(
         link,
         BusOptions {
-            pacing: Pacing::None,
+            pacing: BusPacing::None,
             ..BusOptions::default()
         },
         1,

@@ -12,7 +12,7 @@ use vfd_gateway::domain::control::ControlSettings;
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::domain::standby::LineRole;
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::gateway::Input;
+use vfd_gateway::gateway::LineInput;
 use vfd_gateway::line::standby::StandbyTimes;
 use vfd_gateway::profile::model::OrderKind;
 use vfd_gateway::sim::{FaultPlan, SimDrive};
@@ -184,7 +184,7 @@ impl<'a> Play<'a> {
                 continue;
             }
             if self.plan.form == Form::Once {
-                self.pair.tell(half, Input::PathAlive(MQTT.owner));
+                self.pair.tell(half, LineInput::PathAlive(MQTT.owner));
             }
             for index in 0..u16::from(DRIVES) {
                 match self.plan.form {

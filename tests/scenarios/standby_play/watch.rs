@@ -5,14 +5,14 @@ use std::sync::Arc;
 use vfd_gateway::domain::command::Order;
 use vfd_gateway::domain::standby::LineRole;
 use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::drive::bases::Bases;
+use vfd_gateway::drive::bases::FrequencyBases;
 use vfd_gateway::drive::decode;
 use vfd_gateway::profile::model::Model;
 
 /// Who sends, in which term, and what the other one sent since.
 pub struct Watch {
     model: Arc<Model>,
-    bases: Bases,
+    bases: FrequencyBases,
     /// Frames that were looked at.
     frames: usize,
     terms: [Term; 2],
@@ -32,7 +32,7 @@ impl Watch {
     pub fn new(model: &Arc<Model>) -> Self {
         Self {
             model: Arc::clone(model),
-            bases: Bases::of(model),
+            bases: FrequencyBases::of(model),
             frames: 0,
             terms: [Term::default(); 2],
             longest: 0,

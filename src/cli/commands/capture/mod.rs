@@ -3,9 +3,9 @@
 mod sse;
 mod watching;
 
-use crate::cli::tools::Failure;
+use crate::cli::tools::CommandFailure;
 use crate::cli::tools::log::complain;
-use crate::cli::tools::socket::{self, Question};
+use crate::cli::tools::socket::{self, SocketRequest};
 use crate::daemon::host::clock;
 use crate::daemon::service::signals::told_to_end;
 use crate::domain::link::Framing;
@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::pin::pin;
 use std::time::Duration;
 use tokio::time::sleep;
-use watching::Watching;
+use watching::StreamingAnswer;
 
 /// Longest wait for the gateway's description of itself.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -49,7 +49,7 @@ pub struct Args {
 }
 
 /// Why a capture ended.
-enum End {
+enum CaptureEnd {
     /// As requested by the arguments, or by the user.
     Wanted,
     /// The gateway sends no more, for this reason.
@@ -57,41 +57,42 @@ enum End {
 }
 
 /// Records the traffic of a line until it is interrupted, has enough, or the gateway is gone.
-pub fn capture(args: &Args) -> Result<(), Failure> {
+pub fn capture(args: &Args) -> Result<(), CommandFailure> {
     let socket = args.place.path()?;
     if is_stdout(&args.out) && io::stdout().is_terminal() {
-        return Err(Failure::wrong(
+        return Err(CommandFailure::wrong(
             "--out -: a capture is binary; pipe it into a program",
         ));
     }
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
-        .map_err(Failure::failed)?;
+        .map_err(CommandFailure::failed)?;
     runtime.block_on(async {
-        let told = pin!(told_to_end().map_err(Failure::failed)?);
-        let at = |reason| Failure::failed(format!("gateway at {}: {reason}", socket.display()));
+        let told = pin!(told_to_end().map_err(CommandFailure::failed)?);
+        let at =
+            |reason| CommandFailure::failed(format!("gateway at {}: {reason}", socket.display()));
         let line = match &args.line {
             Some(line) => line.clone(),
             None => only_line(&socket).await?,
         };
-        let mut source = Source {
+        let mut source = EventSource {
             socket: &socket,
             line: &line,
             seen: None,
             watching: None,
         };
         let header = source.header().await.map_err(at)?;
-        let mut capture = Capture::new(args, &header)?;
+        let mut capture = CaptureFile::new(args, &header)?;
         let end = tokio::select! {
-            () = told => Ok(End::Wanted),
-            () = time_is_up(args.seconds) => Ok(End::Wanted),
+            () = told => Ok(CaptureEnd::Wanted),
+            () = time_is_up(args.seconds) => Ok(CaptureEnd::Wanted),
             end = capture.run(&mut source) => end,
         };
         capture.finish();
         match end? {
-            End::Wanted => Ok(()),
-            End::Lost(reason) => {
+            CaptureEnd::Wanted => Ok(()),
+            CaptureEnd::Lost(reason) => {
                 let kept = format!(
                     "{} frames until then are in {}",
                     capture.frames,
@@ -115,9 +116,10 @@ async fn time_is_up(seconds: Option<u64>) {
 }
 
 /// The line of a gateway that has only one.
-async fn only_line(socket: &Path) -> Result<String, Failure> {
-    let at = |reason: &str| Failure::failed(format!("gateway at {}: {reason}", socket.display()));
-    let (_, health) = socket::ask(socket, Question::look("/api/v1/health"), PATIENCE)
+async fn only_line(socket: &Path) -> Result<String, CommandFailure> {
+    let at =
+        |reason: &str| CommandFailure::failed(format!("gateway at {}: {reason}", socket.display()));
+    let (_, health) = socket::ask(socket, SocketRequest::get("/api/v1/health"), PATIENCE)
         .await
         .map_err(|reason| at(&reason))?;
     let lines = health["lines"]
@@ -128,7 +130,7 @@ async fn only_line(socket: &Path) -> Result<String, Failure> {
     match lines.collect::<Vec<_>>()[..] {
         [line] => Ok(line.to_owned()),
         [] => Err(at("has no line")),
-        ref lines => Err(Failure::wrong(format!(
+        ref lines => Err(CommandFailure::wrong(format!(
             "--line is needed, one of: {}",
             lines.join(", ")
         ))),
@@ -136,15 +138,15 @@ async fn only_line(socket: &Path) -> Result<String, Failure> {
 }
 
 /// The event stream of the gateway, over one connection after the other.
-struct Source<'s> {
+struct EventSource<'s> {
     socket: &'s Path,
     line: &'s str,
     /// The last record that was received.
     seen: Option<String>,
-    watching: Option<Watching>,
+    watching: Option<StreamingAnswer>,
 }
 
-impl Source<'_> {
+impl EventSource<'_> {
     /// The gateway's description of the line, which precedes its traffic.
     async fn header(&mut self) -> Result<Value, String> {
         match self.next().await? {
@@ -156,18 +158,18 @@ impl Source<'_> {
     }
 
     /// The next event. A connection that ends regularly is followed by another one.
-    async fn next(&mut self) -> Result<Option<sse::Event>, String> {
+    async fn next(&mut self) -> Result<Option<sse::SseEvent>, String> {
         loop {
             let watching = match &mut self.watching {
                 Some(watching) => watching,
-                None => self
-                    .watching
-                    .insert(Watching::begin(self.socket, self.line, self.seen.as_deref()).await?),
+                None => self.watching.insert(
+                    StreamingAnswer::begin(self.socket, self.line, self.seen.as_deref()).await?,
+                ),
             };
             let event = watching.next().await?;
             match &event {
                 Some(event) if event.name == "again" => self.watching = None,
-                Some(sse::Event {
+                Some(sse::SseEvent {
                     id: id @ Some(_), ..
                 }) => {
                     self.seen.clone_from(id);
@@ -180,7 +182,7 @@ impl Source<'_> {
 }
 
 /// A file that grows.
-struct Capture<'a> {
+struct CaptureFile<'a> {
     args: &'a Args,
     out: Box<dyn Write>,
     framing: Framing,
@@ -193,15 +195,15 @@ struct Capture<'a> {
     shows: bool,
 }
 
-impl<'a> Capture<'a> {
-    fn new(args: &'a Args, line: &Value) -> Result<Self, Failure> {
+impl<'a> CaptureFile<'a> {
+    fn new(args: &'a Args, line: &Value) -> Result<Self, CommandFailure> {
         let out: Box<dyn Write> = if is_stdout(&args.out) {
             Box::new(io::stdout())
         } else {
             let file = File::create(&args.out);
-            Box::new(
-                file.map_err(|error| Failure::failed(format!("{}: {error}", args.out.display())))?,
-            )
+            Box::new(file.map_err(|error| {
+                CommandFailure::failed(format!("{}: {error}", args.out.display()))
+            })?)
         };
         let now = clock::now();
         let mut capture = Self {
@@ -221,12 +223,12 @@ impl<'a> Capture<'a> {
     }
 
     /// Writes the events of `source`.
-    async fn run(&mut self, source: &mut Source<'_>) -> Result<End, Failure> {
+    async fn run(&mut self, source: &mut EventSource<'_>) -> Result<CaptureEnd, CommandFailure> {
         loop {
             let event = match source.next().await {
                 Ok(Some(event)) => event,
-                Ok(None) => return Ok(End::Lost("it closed the connection".to_owned())),
-                Err(reason) => return Ok(End::Lost(reason)),
+                Ok(None) => return Ok(CaptureEnd::Lost("it closed the connection".to_owned())),
+                Err(reason) => return Ok(CaptureEnd::Lost(reason)),
             };
             let is_read = match event.name.as_str() {
                 "frame" => self.frame(&event.data)?,
@@ -241,16 +243,16 @@ impl<'a> Capture<'a> {
             };
             self.show();
             if !is_read || self.args.frames.is_some_and(|most| self.frames >= most) {
-                return Ok(End::Wanted);
+                return Ok(CaptureEnd::Wanted);
             }
         }
     }
 
     /// Writes a frame. Returns whether the output still has a reader.
-    fn frame(&mut self, data: &str) -> Result<bool, Failure> {
+    fn frame(&mut self, data: &str) -> Result<bool, CommandFailure> {
         let frame = serde_json::from_str(data).ok();
         let Some(told) = frame.and_then(|frame| PacketFrame::of(&frame, self.framing)) else {
-            return Err(Failure::failed(
+            return Err(CommandFailure::failed(
                 "the gateway's answer cannot be parsed; it may be another version",
             ));
         };
@@ -261,7 +263,7 @@ impl<'a> Capture<'a> {
     }
 
     /// Writes a whole block. Returns whether the output still has a reader.
-    fn put(&mut self, block: &[u8]) -> Result<bool, Failure> {
+    fn put(&mut self, block: &[u8]) -> Result<bool, CommandFailure> {
         match self.out.write_all(block).and_then(|()| self.out.flush()) {
             Ok(()) => Ok(true),
             Err(error)
@@ -269,7 +271,7 @@ impl<'a> Capture<'a> {
             {
                 Ok(false)
             }
-            Err(error) => Err(Failure::failed(format!("{}: {error}", self.place()))),
+            Err(error) => Err(CommandFailure::failed(format!("{}: {error}", self.place()))),
         }
     }
 

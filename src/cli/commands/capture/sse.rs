@@ -5,7 +5,7 @@ const EVENT_BYTES_MAX: usize = 512 * 1024;
 
 /// One event.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Event {
+pub struct SseEvent {
     /// Its name.
     pub name: String,
     /// Its id, if any.
@@ -16,12 +16,12 @@ pub struct Event {
 
 /// Bytes that do not form a whole event yet.
 #[derive(Debug, Default)]
-pub struct Cutter {
+pub struct EventCutter {
     bytes: Vec<u8>,
     at: usize,
 }
 
-impl Cutter {
+impl EventCutter {
     /// More bytes have arrived.
     ///
     /// # Errors
@@ -39,7 +39,7 @@ impl Cutter {
     }
 
     /// The next whole event.
-    pub fn next(&mut self) -> Option<Event> {
+    pub fn next(&mut self) -> Option<SseEvent> {
         loop {
             let rest = self.bytes.get(self.at..)?;
             let length = rest.windows(2).position(|pair| pair == b"\n\n")?;
@@ -54,8 +54,8 @@ impl Cutter {
     }
 }
 
-fn event(text: &str) -> Event {
-    let mut event = Event::default();
+fn event(text: &str) -> SseEvent {
+    let mut event = SseEvent::default();
     for line in text.lines() {
         let (key, value) = line.split_once(':').unwrap_or((line, ""));
         let value = value.strip_prefix(' ').unwrap_or(value);
@@ -77,13 +77,13 @@ mod tests {
     fn events_are_found_however_the_bytes_are_cut() {
         let text = "retry: 500\nevent: begin\ndata: {\"line\":\"a\"}\n\n: a remark\n\nid: 0.7\nevent: frame\ndata: {}\n\n";
         for size in 1..text.len() {
-            let mut cutter = Cutter::default();
+            let mut cutter = EventCutter::default();
             let mut events = Vec::new();
             for bytes in text.as_bytes().chunks(size) {
                 cutter.push(bytes).unwrap();
                 events.extend(std::iter::from_fn(|| cutter.next()));
             }
-            let event = |name: &str, id: Option<&str>, data: &str| Event {
+            let event = |name: &str, id: Option<&str>, data: &str| SseEvent {
                 name: name.to_owned(),
                 id: id.map(str::to_owned),
                 data: data.to_owned(),
@@ -101,7 +101,7 @@ mod tests {
 
     #[test]
     fn what_does_not_end_is_not_kept_for_ever() {
-        let mut cutter = Cutter::default();
+        let mut cutter = EventCutter::default();
         let half = vec![b'a'; EVENT_BYTES_MAX / 2];
         assert!(cutter.push(&half).is_ok() && cutter.push(&half).is_ok());
         assert_eq!(cutter.next(), None);

@@ -1,6 +1,6 @@
 //! The traffic of a line as the running gateway reports it.
 
-use super::sse::{Cutter, Event};
+use super::sse::{EventCutter, SseEvent};
 use crate::cli::tools::socket::unreachable;
 use axum::body::{Body, HttpBody, to_bytes};
 use axum::http::{Request, header};
@@ -22,12 +22,12 @@ const REFUSAL_BYTES_MAX: usize = 64 * 1024;
 
 /// A streaming answer.
 #[derive(Debug)]
-pub struct Watching {
+pub struct StreamingAnswer {
     body: Incoming,
-    cutter: Cutter,
+    cutter: EventCutter,
 }
 
-impl Watching {
+impl StreamingAnswer {
     /// Requests the traffic of `line` from the gateway at `socket`, after the record with the id `after`.
     ///
     /// # Errors
@@ -41,7 +41,7 @@ impl Watching {
     ///
     /// # Errors
     /// Why there is none, for people.
-    pub async fn next(&mut self) -> Result<Option<Event>, String> {
+    pub async fn next(&mut self) -> Result<Option<SseEvent>, String> {
         loop {
             if let Some(event) = self.cutter.next() {
                 return Ok(Some(event));
@@ -61,7 +61,7 @@ impl Watching {
     }
 }
 
-async fn ask(socket: &Path, line: &str, after: Option<&str>) -> Result<Watching, String> {
+async fn ask(socket: &Path, line: &str, after: Option<&str>) -> Result<StreamingAnswer, String> {
     let stream = UnixStream::connect(socket).await.map_err(unreachable)?;
     let (mut sender, connection) = http1::handshake(TokioIo::new(stream))
         .await
@@ -83,9 +83,9 @@ async fn ask(socket: &Path, line: &str, after: Option<&str>) -> Result<Watching,
     let status = response.status();
     let body = response.into_body();
     if status.is_success() {
-        return Ok(Watching {
+        return Ok(StreamingAnswer {
             body,
-            cutter: Cutter::default(),
+            cutter: EventCutter::default(),
         });
     }
     let refusal = to_bytes(Body::new(body), REFUSAL_BYTES_MAX).await.ok();

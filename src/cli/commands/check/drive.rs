@@ -4,13 +4,13 @@ use super::text::{list, ms};
 use super::warnings::{feeds_watchdog, takes_control, trips_first};
 use crate::cli::tools::model_facts::{BASICS, orders};
 use crate::config::words::{DIRECTIONS, LEASES};
-use crate::config::{DriveSettings, LineSettings, Listed, MqttSettings};
+use crate::config::{DriveSettings, LineSettings, ListedRegister, MqttSettings};
 use crate::config::{command_deadline, line_plan, listed, shown_in_per_cent};
 use crate::domain::address::Address;
 use crate::domain::control::{BusFunctions, ControlAction, ControlSettings, Ownership};
-use crate::line::budget::{Budget, PlannedRead};
-use crate::line::timeouts::Class;
-use crate::profile::model::{Memory, Model, SetupItem, Watchdog};
+use crate::line::budget::{PlannedRead, PollBudget};
+use crate::line::timeouts::RequestClass;
+use crate::profile::model::{Model, ModelWatchdog, RegisterMemory, SetupItem};
 use crate::toml_file::values::duration_text;
 use crate::toml_file::words::word_for;
 use std::fmt::{Result, Write};
@@ -21,7 +21,7 @@ pub(super) fn describe(
     text: &mut String,
     line: &LineSettings,
     place: usize,
-    budget: &Budget,
+    budget: &PollBudget,
     mqtt: Option<&MqttSettings>,
 ) -> Result {
     let (Some(drive), Some(reads)) = (line.drives.get(place), budget.stations.get(place)) else {
@@ -65,7 +65,7 @@ pub(super) fn describe(
 /// How long a reply is awaited, and how long a missing one delays what could be mistaken for it.
 fn lateness(text: &mut String, line: &LineSettings, drive: &DriveSettings) -> Result {
     let timeouts = line_plan::reply_timeouts(drive);
-    let [read, write, stored] = Class::ALL.map(|class| timeouts.of(class));
+    let [read, write, stored] = RequestClass::ALL.map(|class| timeouts.of(class));
     let all_same = read == write && read == stored;
     let waits = if all_same {
         ms(read)
@@ -107,7 +107,7 @@ fn lateness(text: &mut String, line: &LineSettings, drive: &DriveSettings) -> Re
 fn polls(
     text: &mut String,
     drive: &DriveSettings,
-    budget: &Budget,
+    budget: &PollBudget,
     reads: &[PlannedRead],
 ) -> Result {
     for read in reads {
@@ -168,14 +168,14 @@ fn commands(
     writeln!(
         text,
         "    commander lost after {lost_after}: {}; gateway ended: {}; output outside limits: {}{}",
-        control.on_commander_lost.word(),
-        control.on_shutdown.word(),
-        control.on_output_outside.word(),
+        control.on_commander_lost.keyword(),
+        control.on_shutdown.keyword(),
+        control.on_output_outside.keyword(),
         control
             .on_gateway_lost
             .map_or_else(String::new, |lost| format!(
                 "; other gateway lost: {}",
-                lost.word()
+                lost.keyword()
             ))
     )?;
     capabilities(text, control, model)?;
@@ -240,14 +240,14 @@ fn capabilities(text: &mut String, control: &ControlSettings, model: &Model) -> 
     // Stop, frequency and forward are accepted under one word.
     let is_accepted = |word: &str| {
         let word = if BASICS.contains(&word) {
-            ControlAction::Basic.word()
+            ControlAction::Basic.keyword()
         } else {
             word
         };
         control
             .accept_unverified
             .iter()
-            .any(|action| action.word() == word)
+            .any(|action| action.keyword() == word)
     };
     let is_wanted = |word: &str| match word {
         "release" => control.allow_release,
@@ -266,7 +266,7 @@ fn capabilities(text: &mut String, control: &ControlSettings, model: &Model) -> 
             .accept_unverified
             .iter()
             .filter(|action| site.contains(action) == is_site);
-        those.map(|action| action.word()).collect::<Vec<_>>()
+        those.map(|action| action.keyword()).collect::<Vec<_>>()
     };
     let accepted = words(false);
     if !accepted.is_empty() {
@@ -283,7 +283,7 @@ fn capabilities(text: &mut String, control: &ControlSettings, model: &Model) -> 
     if !closed.is_empty() {
         let closed: Vec<_> = closed
             .iter()
-            .map(|(word, sure)| format!("{word} ({})", sure.word()))
+            .map(|(word, sure)| format!("{word} ({})", sure.keyword()))
             .collect();
         writeln!(text, "    unproven and refused: {}", list(&closed))?;
     }
@@ -311,14 +311,14 @@ fn native(text: &mut String, control: &ControlSettings, model: &Model) -> Result
     Ok(())
 }
 
-fn memory(listed: Listed<'_>) -> &'static str {
+fn memory(listed: ListedRegister<'_>) -> &'static str {
     let is_itself = listed.register.address == listed.address;
     match (listed.twin_of, listed.register.memory) {
         (None, _) if !is_itself => "in RAM",
-        (Some(_), _) | (None, Some(Memory::Stored)) => {
+        (Some(_), _) | (None, Some(RegisterMemory::Stored)) => {
             "stored, in a memory that endures a limited number of writes"
         }
-        (None, Some(Memory::Ram)) => "in RAM",
+        (None, Some(RegisterMemory::Ram)) => "in RAM",
         (None, None) => "not known to be RAM: treated as stored",
     }
 }
@@ -435,7 +435,7 @@ fn watchdog_chain(
     }
 }
 
-fn watchdog_of(text: &mut String, watchdog: &Watchdog, model: &Model) -> Result {
+fn watchdog_of(text: &mut String, watchdog: &ModelWatchdog, model: &Model) -> Result {
     let called = |address: Address| {
         let register = model.register_at(address);
         let name = register.map_or("-", |register| {

@@ -57,7 +57,7 @@ pub(super) fn describe(text: &mut String, line: &LineSettings) -> Result {
     writeln!(text, "    if {} is lost, at most after that:", pair.partner)?;
     first_signal(text, pair, &longest)?;
     let stopped: Vec<_> = stops(line)
-        .map(|(name, lost)| format!("{name} ({})", lost.word()))
+        .map(|(name, lost)| format!("{name} ({})", lost.keyword()))
         .collect();
     first_and_last_stop(text, &stopped, &longest)?;
     fresh_values(text, line, stopped.is_empty(), &longest)

@@ -3,12 +3,12 @@
 mod data_dir;
 pub mod plant;
 
-use crate::cli::tools::keyboard::Enter;
-use crate::cli::tools::{Failure, print};
+use crate::cli::tools::keyboard::EnterPresses;
+use crate::cli::tools::{CommandFailure, print};
 use crate::config;
 use crate::daemon::host::pty::Pty;
 use crate::daemon::lines::simulator;
-use crate::daemon::service::run::{self as daemon, Running};
+use crate::daemon::service::run::{self as daemon, RunningInfo};
 use crate::daemon::service::signals::told_to_end;
 use crate::daemon::service::start_error::StartError;
 use crate::domain::ids::Station;
@@ -17,7 +17,7 @@ use crate::north::operator::password::StoredHash;
 use crate::sim::{BusOptions, DriveOptions, SimBus, SimDrive};
 use crate::vendors;
 use data_dir::DataDir;
-use plant::Line;
+use plant::DemoLine;
 use std::fmt::Write as _;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -51,15 +51,15 @@ pub struct Args {
 
 /// What the demo's gateway stands in front of, and where it keeps its journal.
 #[derive(Clone, Copy)]
-struct Plant<'p> {
-    lines: &'p [Line],
+struct DemoPlant<'p> {
+    lines: &'p [DemoLine],
     /// The pseudo-terminal of each line.
     devices: &'p [PathBuf],
     data_dir: &'p Path,
 }
 
 /// Simulates drives with the gateway and a broker in front of them, until SIGINT or SIGTERM.
-pub fn demo(args: &Args) -> Result<(), Failure> {
+pub fn demo(args: &Args) -> Result<(), CommandFailure> {
     let lines = plant::lines();
     let mut played = Vec::new();
     for line in &lines {
@@ -70,14 +70,14 @@ pub fn demo(args: &Args) -> Result<(), Failure> {
                 SimDrive::new(Arc::clone(&drive.model), DriveOptions::default()),
             );
         }
-        played.push((Pty::new().map_err(Failure::failed)?, bus));
+        played.push((Pty::new().map_err(CommandFailure::failed)?, bus));
     }
     let devices: Vec<_> = played
         .iter()
         .map(|(pty, _)| pty.path().to_owned())
         .collect();
-    let enter = Enter::listen().map_err(Failure::failed)?;
-    let actors = Actors {
+    let enter = EnterPresses::listen().map_err(CommandFailure::failed)?;
+    let actors = DemoActors {
         first: lines
             .first()
             .and_then(|line| line.drives.first())
@@ -87,18 +87,18 @@ pub fn demo(args: &Args) -> Result<(), Failure> {
             .and_then(|line| line.drives.last())
             .map(|drive| drive.station),
     };
-    let data_dir = DataDir::make().map_err(Failure::failed)?;
-    let plant = Plant {
+    let data_dir = DataDir::make().map_err(CommandFailure::failed)?;
+    let plant = DemoPlant {
         lines: &lines,
         devices: &devices,
         data_dir: data_dir.path(),
     };
-    play(&mut played, &enter, actors, || gateway(args, plant)).map_err(Failure::failed)?
+    play(&mut played, &enter, actors, || gateway(args, plant)).map_err(CommandFailure::failed)?
 }
 
 /// The drives that do something of their own.
 #[derive(Clone, Copy)]
-struct Actors {
+struct DemoActors {
     /// The station on the first line that Enter trips.
     first: Option<Station>,
     /// The station on the last line that trips once, and is reset at its panel.
@@ -108,15 +108,15 @@ struct Actors {
 /// Simulates every line as long as `work` lasts.
 fn play<T>(
     lines: &mut [(Pty, SimBus)],
-    enter: &Enter,
-    Actors { first, last }: Actors,
+    enter: &EnterPresses,
+    DemoActors { first, last }: DemoActors,
     work: impl FnOnce() -> T,
 ) -> io::Result<T> {
     let Some(((pty, bus), others)) = lines.split_first_mut() else {
         return Ok(work());
     };
     let of_this_line = if others.is_empty() { last } else { None };
-    let mut story = Story::default();
+    let mut story = TripStory::default();
     let act = |bus: &mut SimBus, at: MonoTime| {
         if let Some(station) = first
             && enter.was_pressed()
@@ -129,19 +129,19 @@ fn play<T>(
         }
     };
     simulator::play_beside(&*pty, bus, act, || {
-        play(others, enter, Actors { first: None, last }, work)
+        play(others, enter, DemoActors { first: None, last }, work)
     })?
 }
 
 /// A trip that ends at the drive's own panel.
 #[derive(Default)]
-struct Story {
+struct TripStory {
     begun: Option<MonoTime>,
     is_tripped: bool,
     is_over: bool,
 }
 
-impl Story {
+impl TripStory {
     fn go_on(&mut self, drive: &mut SimDrive, at: MonoTime) {
         let since = at.since(*self.begun.get_or_insert(at));
         if !self.is_tripped && since >= TRIPS_AT {
@@ -156,7 +156,7 @@ impl Story {
 }
 
 /// The gateway in front of the simulated lines; on other ports if the wanted ones are taken.
-fn gateway(args: &Args, plant: Plant<'_>) -> Result<(), Failure> {
+fn gateway(args: &Args, plant: DemoPlant<'_>) -> Result<(), CommandFailure> {
     let mut modbus = args.port;
     let mut http = args.http_port;
     loop {
@@ -166,7 +166,7 @@ fn gateway(args: &Args, plant: Plant<'_>) -> Result<(), Failure> {
             {
                 address
             }
-            other => return other.map_err(Failure::failed),
+            other => return other.map_err(CommandFailure::failed),
         };
         print(&format!("{error} is taken; using another port\n"))?;
         match error.port() {
@@ -176,7 +176,7 @@ fn gateway(args: &Args, plant: Plant<'_>) -> Result<(), Failure> {
     }
 }
 
-fn serve(modbus: u16, http: u16, plant: Plant<'_>) -> Result<(), StartError> {
+fn serve(modbus: u16, http: u16, plant: DemoPlant<'_>) -> Result<(), StartError> {
     let text = configuration(modbus, http, plant);
     let config = config::load(&text, &vendors::catalog())
         .ok()
@@ -194,8 +194,8 @@ fn serve(modbus: u16, http: u16, plant: Plant<'_>) -> Result<(), StartError> {
     })
 }
 
-fn configuration(modbus: u16, http: u16, plant: Plant<'_>) -> String {
-    let Plant {
+fn configuration(modbus: u16, http: u16, plant: DemoPlant<'_>) -> String {
+    let DemoPlant {
         lines,
         devices,
         data_dir,
@@ -232,8 +232,8 @@ fn user() -> String {
     format!("\n[[http.users]]\nname = \"{USER}\"\npassword_hash = \"{hash}\"\n")
 }
 
-fn welcome(running: &Running<'_>, plant: Plant<'_>) -> String {
-    let Plant {
+fn welcome(running: &RunningInfo<'_>, plant: DemoPlant<'_>) -> String {
+    let DemoPlant {
         lines,
         devices,
         data_dir,
@@ -303,7 +303,7 @@ mod tests {
     fn the_last_drive_trips_once_and_is_reset_at_its_panel() {
         let model = plant::lines().pop().unwrap().drives.pop().unwrap().model;
         let mut drive = SimDrive::new(model, DriveOptions::default());
-        let mut story = Story::default();
+        let mut story = TripStory::default();
         let begun = MonoTime::ZERO;
         let mut tripped = |seconds| {
             story.go_on(&mut drive, begun + Duration::from_secs(seconds));

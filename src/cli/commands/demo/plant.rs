@@ -27,7 +27,7 @@ pub(super) const FROM: [&str; 3] = ["mqtt", "modbus-tcp", "page"];
 
 /// One drive of the demo.
 #[derive(Debug)]
-pub struct Drive {
+pub struct DemoDrive {
     /// Its name.
     pub name: String,
     /// Its station number.
@@ -40,23 +40,23 @@ pub struct Drive {
 
 /// One line of the demo.
 #[derive(Debug)]
-pub struct Line {
+pub struct DemoLine {
     /// Its name.
     pub name: String,
     /// Speed, parity and stop bits.
     pub link: LinkSettings,
     /// The drives on it.
-    pub drives: Vec<Drive>,
+    pub drives: Vec<DemoDrive>,
 }
 
 /// A drive of each model of the demo, on the first line that all its drives can be set to.
-pub(super) fn lines() -> Vec<Line> {
+pub(super) fn lines() -> Vec<DemoLine> {
     let catalog = vendors::catalog();
     let models = vendors::in_demo().iter().filter_map(|id| catalog.find(id));
-    let mut lines: Vec<Line> = Vec::new();
+    let mut lines: Vec<DemoLine> = Vec::new();
     for ((number, (name, group)), model) in (1..).zip(NAMES).zip(models) {
         let name = format!("{name}-{number}");
-        let drive = Drive {
+        let drive = DemoDrive {
             name,
             station: Station(number),
             group,
@@ -73,7 +73,7 @@ pub(super) fn lines() -> Vec<Line> {
             None => {
                 let name = format!("line-{}", lines.len() + 1);
                 let link = drive.model.link.played();
-                lines.push(Line {
+                lines.push(DemoLine {
                     name,
                     link,
                     drives: vec![drive],
@@ -85,7 +85,7 @@ pub(super) fn lines() -> Vec<Line> {
 }
 
 /// The fastest setting that `model` shares with every drive of `line`; `None` if there is none.
-fn common(line: &Line, model: &Model) -> Option<LinkSettings> {
+fn common(line: &DemoLine, model: &Model) -> Option<LinkSettings> {
     let all = || {
         line.drives
             .iter()
@@ -117,7 +117,7 @@ fn common(line: &Line, model: &Model) -> Option<LinkSettings> {
 
 /// The `[[line]]` tables of a configuration for `lines`, each on its device, with drives that obey `from`.
 pub fn configuration<'a>(
-    lines: impl IntoIterator<Item = (&'a Line, &'a Path)>,
+    lines: impl IntoIterator<Item = (&'a DemoLine, &'a Path)>,
     from: &[&str],
 ) -> String {
     let mut text = String::new();
@@ -145,8 +145,8 @@ pub fn configuration<'a>(
     text
 }
 
-fn drive_section(text: &mut String, drive: &Drive, unit: u8, from: &[&str]) {
-    let Drive {
+fn drive_section(text: &mut String, drive: &DemoDrive, unit: u8, from: &[&str]) {
+    let DemoDrive {
         name,
         station,
         group,
@@ -169,7 +169,7 @@ fn drive_section(text: &mut String, drive: &Drive, unit: u8, from: &[&str]) {
         return;
     }
     let unproven: Vec<_> = unproven(model)
-        .map(|action| format!("\"{}\"", action.word()))
+        .map(|action| format!("\"{}\"", action.keyword()))
         .collect();
     let directions = if model.run.as_ref().is_some_and(|run| run.reverse.is_some()) {
         "\"forward\", \"reverse\""

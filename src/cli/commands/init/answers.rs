@@ -46,7 +46,7 @@ pub struct BrokerAnswers {
 
 /// All of it.
 #[derive(Clone, Debug)]
-pub struct Answers {
+pub struct InitAnswers {
     /// Today.
     pub date: String,
     /// For the journal and the tools.
@@ -61,7 +61,7 @@ pub struct Answers {
     pub broker: Option<BrokerAnswers>,
 }
 
-impl Answers {
+impl InitAnswers {
     /// The configuration file.
     pub fn text(&self) -> String {
         let mut text = format!(

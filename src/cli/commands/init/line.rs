@@ -3,12 +3,12 @@
 use super::args::Args;
 use super::ways::words;
 use crate::cli::tools::progress::seconds;
-use crate::cli::tools::questions::Questions;
-use crate::cli::tools::scanning::find::{Found, find};
-use crate::cli::tools::{Failure, print};
+use crate::cli::tools::questions::PersonQuestions;
+use crate::cli::tools::scanning::find::{ScannedLine, find};
+use crate::cli::tools::{CommandFailure, print};
 use crate::config::written::{NewControl, NewDrive, NewLine};
 use crate::config::{self, PortAddress};
-use crate::daemon::host::adapters::{self, Adapter};
+use crate::daemon::host::adapters::{self, SerialAdapter};
 use crate::domain::ids::Name;
 use crate::domain::link::{Framing, LinkSettings};
 use crate::profile::catalog::Catalog;
@@ -22,10 +22,10 @@ const NAME_RULE: &str = "a name has 1 to 64 letters, digits, \"-\", \"_\" or \".
 
 /// The line: its port, and the drives that are named or found on it.
 pub fn line<R: BufRead>(
-    questions: &mut Questions<R>,
+    questions: &mut PersonQuestions<R>,
     args: &Args,
     catalog: &Catalog,
-) -> Result<NewLine, Failure> {
+) -> Result<NewLine, CommandFailure> {
     let port = port(questions, args)?;
     let mut line = if args.drive.is_empty() {
         found(questions, args, catalog, port)?
@@ -36,7 +36,10 @@ pub fn line<R: BufRead>(
     Ok(line)
 }
 
-fn port<R: BufRead>(questions: &mut Questions<R>, args: &Args) -> Result<PortAddress, Failure> {
+fn port<R: BufRead>(
+    questions: &mut PersonQuestions<R>,
+    args: &Args,
+) -> Result<PortAddress, CommandFailure> {
     if let Some(port) = &args.port {
         return Ok(port.clone());
     }
@@ -56,7 +59,7 @@ fn port<R: BufRead>(questions: &mut Questions<R>, args: &Args) -> Result<PortAdd
 }
 
 /// The ports, numbered from 1, with what keeps this user from one.
-fn listed(adapters: &[Adapter]) -> String {
+fn listed(adapters: &[SerialAdapter]) -> String {
     if adapters.is_empty() {
         return "No serial port was found. Is the adapter plugged in?\n".to_owned();
     }
@@ -81,7 +84,7 @@ fn listed(adapters: &[Adapter]) -> String {
 }
 
 /// What the flags say.
-fn given(args: &Args, catalog: &Catalog, port: PortAddress) -> Result<NewLine, Failure> {
+fn given(args: &Args, catalog: &Catalog, port: PortAddress) -> Result<NewLine, CommandFailure> {
     let drives = args
         .drive
         .iter()
@@ -108,9 +111,9 @@ fn given(args: &Args, catalog: &Catalog, port: PortAddress) -> Result<NewLine, F
     })
 }
 
-fn given_drive(text: &str, catalog: &Catalog) -> Result<NewDrive, Failure> {
+fn given_drive(text: &str, catalog: &Catalog) -> Result<NewDrive, CommandFailure> {
     let wrong = || {
-        Failure::wrong(format!(
+        CommandFailure::wrong(format!(
             "--drive {text}: right is NAME=MODEL@STATION, such as pump-1=MODEL@1 with a model of `models list`"
         ))
     };
@@ -121,10 +124,10 @@ fn given_drive(text: &str, catalog: &Catalog) -> Result<NewDrive, Failure> {
         .ok()
         .filter(|station| (1..=247).contains(station))
         .ok_or_else(wrong)?;
-    let name =
-        Name::new(name).ok_or_else(|| Failure::wrong(format!("--drive {text}: {NAME_RULE}")))?;
+    let name = Name::new(name)
+        .ok_or_else(|| CommandFailure::wrong(format!("--drive {text}: {NAME_RULE}")))?;
     let model = catalog.find(id).ok_or_else(|| {
-        Failure::wrong(format!(
+        CommandFailure::wrong(format!(
             "--drive {text}: no model is called {id}; `vfd-gateway models list` shows all of them"
         ))
     })?;
@@ -150,12 +153,12 @@ const fn drive(name: String, model: Arc<Model>, station: u8, why: String) -> New
 
 /// Looks for drives, and asks what a scan cannot tell.
 fn found<R: BufRead>(
-    questions: &mut Questions<R>,
+    questions: &mut PersonQuestions<R>,
     args: &Args,
     catalog: &Catalog,
     port: PortAddress,
-) -> Result<NewLine, Failure> {
-    let Found {
+) -> Result<NewLine, CommandFailure> {
+    let ScannedLine {
         setting,
         drives,
         others,
@@ -187,7 +190,7 @@ fn found<R: BufRead>(
         }
     }
     if known.is_empty() {
-        return Err(Failure::failed(
+        return Err(CommandFailure::failed(
             "no drive was found whose model is known: see the scan's advice in docs/real-drive.md, or name drives with --drive",
         ));
     }
@@ -219,10 +222,10 @@ type Models = BTreeMap<u8, (Arc<Model>, String)>;
 
 /// One model for each station. Stations that fit the same models are asked about once.
 fn models_of<R: BufRead>(
-    questions: &mut Questions<R>,
+    questions: &mut PersonQuestions<R>,
     args: &Args,
-    drives: &[crate::cli::tools::scanning::find::Drive],
-) -> Result<Models, Failure> {
+    drives: &[crate::cli::tools::scanning::find::ScannedDrive],
+) -> Result<Models, CommandFailure> {
     let mut groups: BTreeMap<Vec<String>, Vec<u8>> = BTreeMap::new();
     let mut known = Models::new();
     let mut fits = BTreeMap::new();
@@ -296,10 +299,10 @@ fn models_of<R: BufRead>(
 
 /// A name for each station.
 fn names<R: BufRead>(
-    questions: &mut Questions<R>,
+    questions: &mut PersonQuestions<R>,
     args: &Args,
     stations: &[u8],
-) -> Result<Vec<String>, Failure> {
+) -> Result<Vec<String>, CommandFailure> {
     let own: Vec<_> = stations
         .iter()
         .map(|station| format!("drive-{station}"))
@@ -338,10 +341,10 @@ fn names<R: BufRead>(
 
 /// The frequency that stands for 100 %, asked once for each model that needs it.
 fn full_scale<R: BufRead>(
-    questions: &mut Questions<R>,
+    questions: &mut PersonQuestions<R>,
     args: &Args,
     drives: &mut [NewDrive],
-) -> Result<(), Failure> {
+) -> Result<(), CommandFailure> {
     let needing = drives
         .iter()
         .map(|drive| &drive.model)
@@ -381,11 +384,11 @@ fn full_scale<R: BufRead>(
 /// Gives `control` to the drives. Asks whether to take orders for models whose stop is not proven: without an answer of
 /// yes they are only read.
 pub fn controlled<R: BufRead>(
-    questions: &mut Questions<R>,
+    questions: &mut PersonQuestions<R>,
     args: &Args,
     control: &NewControl,
     drives: &mut [NewDrive],
-) -> Result<(), Failure> {
+) -> Result<(), CommandFailure> {
     let unproven: BTreeSet<_> = drives
         .iter()
         .filter(|drive| drive.model.run.is_some() && !drive.model.unproven_basics().is_empty())
@@ -449,7 +452,7 @@ mod tests {
 
     #[test]
     fn a_port_says_what_keeps_this_user_from_it() {
-        let adapter = Adapter {
+        let adapter = SerialAdapter {
             path: "/dev/ttyUSB0".into(),
             device: "/dev/ttyUSB0".into(),
             driver: Some("ftdi_sio".to_owned()),

@@ -9,27 +9,27 @@ mod ways;
 use crate::cli::tools::own_models::ModelDirs;
 use crate::cli::tools::page_certificate::make_certificate;
 use crate::cli::tools::passwords::hashed;
-use crate::cli::tools::questions::Questions;
-use crate::cli::tools::{Failure, input, print, running};
-use crate::daemon::host::whole_files::{self, Readers};
+use crate::cli::tools::questions::PersonQuestions;
+use crate::cli::tools::{CommandFailure, input, print, running};
+use crate::daemon::host::whole_files::{self, FileReaders};
 use crate::daemon::host::{clock, directories};
 use crate::domain::calendar;
 use crate::profile::catalog::Catalog;
-use answers::Answers;
+use answers::InitAnswers;
 pub use args::Args;
-use service::{Facts, WANTED, Wanted};
+use service::{ServiceFacts, WANTED, WantedService};
 use std::io::{self, BufRead};
 use std::path::{Path, PathBuf};
-use ways::Secrets;
+use ways::InitSecrets;
 
 /// Where the journal is by default.
 const DATA_DIR: &str = "/var/lib/vfd-gateway";
 
 /// Asks, writes, and runs the gateway if that is wanted.
-pub fn init(args: &Args) -> Result<(), Failure> {
+pub fn init(args: &Args) -> Result<(), CommandFailure> {
     let out = absolute(&args.out)?;
     if out.exists() {
-        return Err(Failure::wrong(format!(
+        return Err(CommandFailure::wrong(format!(
             "{} already exists and is not overwritten",
             out.display()
         )));
@@ -37,14 +37,14 @@ pub fn init(args: &Args) -> Result<(), Failure> {
     let can_be_service = can_be_service(args, &out)?;
     let directory = out.parent().unwrap_or(Path::new("/")).to_path_buf();
     let catalog = input::catalog_with(&ModelDirs::default())?;
-    let mut questions = Questions::new(io::stdin().lock());
-    let mut secrets = Secrets::default();
+    let mut questions = PersonQuestions::new(io::stdin().lock());
+    let mut secrets = InitSecrets::default();
     let answers = asked(&mut questions, args, &catalog, &directory, &mut secrets)?;
     let text = answers.text();
     checked(&text, &catalog)?;
     let service = service_wanted(&mut questions, args, can_be_service)?;
     let start = "Run the gateway now, in this terminal";
-    let starts = service == Wanted::None
+    let starts = service == WantedService::None
         && questions.given_or_asked(
             args.start.as_deref(),
             "--start",
@@ -54,10 +54,10 @@ pub fn init(args: &Args) -> Result<(), Failure> {
         )?;
     drop(questions);
     write(&out, &text, &answers, &secrets)?;
-    if service != Wanted::None {
+    if service != WantedService::None {
         print("\nThe service:\n")?;
-        service::carry_out(&service::steps(
-            &Facts::of_host(),
+        service::execute_steps(&service::steps(
+            &ServiceFacts::of_host(),
             &answers.data_dir,
             service,
         ))?;
@@ -70,10 +70,10 @@ pub fn init(args: &Args) -> Result<(), Failure> {
 }
 
 /// Whether a service can be installed. One that is wanted by the flag and cannot is an error, before anything is asked.
-fn can_be_service(args: &Args, out: &Path) -> Result<bool, Failure> {
+fn can_be_service(args: &Args, out: &Path) -> Result<bool, CommandFailure> {
     match (args.service.as_deref(), service::why_not(out)) {
         (Some(given), Some(why)) if given != "none" => {
-            Err(Failure::wrong(format!("--service {given}: {why}")))
+            Err(CommandFailure::wrong(format!("--service {given}: {why}")))
         }
         (_, why) => Ok(why.is_none()),
     }
@@ -81,10 +81,10 @@ fn can_be_service(args: &Args, out: &Path) -> Result<bool, Failure> {
 
 /// Asked only where a service can be installed.
 fn service_wanted<R: BufRead>(
-    questions: &mut Questions<R>,
+    questions: &mut PersonQuestions<R>,
     args: &Args,
     can_be: bool,
-) -> Result<Wanted, Failure> {
+) -> Result<WantedService, CommandFailure> {
     let parse = |text: &str| {
         let word = WANTED
             .into_iter()
@@ -93,7 +93,7 @@ fn service_wanted<R: BufRead>(
         word.ok_or_else(|| format!("`{text}` is none of none, install, start"))
     };
     if !can_be {
-        return Ok(Wanted::None);
+        return Ok(WantedService::None);
     }
     let question = "The gateway as a service: none, install, or start (which installs it too)";
     questions.given_or_asked(
@@ -105,18 +105,18 @@ fn service_wanted<R: BufRead>(
     )
 }
 
-fn absolute(path: &Path) -> Result<PathBuf, Failure> {
+fn absolute(path: &Path) -> Result<PathBuf, CommandFailure> {
     std::path::absolute(path)
-        .map_err(|error| Failure::failed(format!("{}: {error}", path.display())))
+        .map_err(|error| CommandFailure::failed(format!("{}: {error}", path.display())))
 }
 
 fn asked<R: BufRead>(
-    questions: &mut Questions<R>,
+    questions: &mut PersonQuestions<R>,
     args: &Args,
     catalog: &Catalog,
     directory: &Path,
-    secrets: &mut Secrets,
-) -> Result<Answers, Failure> {
+    secrets: &mut InitSecrets,
+) -> Result<InitAnswers, CommandFailure> {
     let mut line = line::line(questions, args, catalog)?;
     let wanted = ways::wanted(questions, args)?;
     let has = |way: &str| wanted.iter().any(|it| it == way);
@@ -172,7 +172,7 @@ fn asked<R: BufRead>(
         },
     )?;
     let date = calendar::day(clock::wall());
-    Ok(Answers {
+    Ok(InitAnswers {
         date,
         data_dir,
         line,
@@ -183,20 +183,25 @@ fn asked<R: BufRead>(
 }
 
 /// The file passes `check`, or nothing is written.
-fn checked(text: &str, catalog: &Catalog) -> Result<(), Failure> {
+fn checked(text: &str, catalog: &Catalog) -> Result<(), CommandFailure> {
     input::config_of(text, catalog).map(drop).map_err(|why| {
-        Failure::wrong(format!(
+        CommandFailure::wrong(format!(
             "the answers do not go together; nothing was written:\n{why}"
         ))
     })
 }
 
 /// Secrets and certificate first, the configuration that names them last.
-fn write(out: &Path, text: &str, answers: &Answers, secrets: &Secrets) -> Result<(), Failure> {
+fn write(
+    out: &Path,
+    text: &str,
+    answers: &InitAnswers,
+    secrets: &InitSecrets,
+) -> Result<(), CommandFailure> {
     if out == Path::new(service::CONFIGURATION) {
         let directory = out.parent().unwrap_or(Path::new("/"));
         std::fs::create_dir_all(directory)
-            .map_err(|error| Failure::failed(format!("{}: {error}", directory.display())))?;
+            .map_err(|error| CommandFailure::failed(format!("{}: {error}", directory.display())))?;
     }
     match directories::make(&answers.data_dir) {
         Ok(_) => (),
@@ -225,12 +230,12 @@ fn write(out: &Path, text: &str, answers: &Answers, secrets: &Secrets) -> Result
     if let (Some((_, file)), Some(password)) = (user, &secrets.broker) {
         secret(file, &format!("{password}\n"))?;
     }
-    whole_files::create(out, text.as_bytes(), Readers::Group)
-        .map_err(|error| Failure::failed(format!("{}: {error}", out.display())))
+    whole_files::create(out, text.as_bytes(), FileReaders::Group)
+        .map_err(|error| CommandFailure::failed(format!("{}: {error}", out.display())))
 }
 
 /// A secret of an earlier, interrupted attempt is replaced.
-fn secret(file: &Path, text: &str) -> Result<(), Failure> {
-    whole_files::replace(file, text.as_bytes(), Readers::Group)
-        .map_err(|error| Failure::failed(format!("{}: {error}", file.display())))
+fn secret(file: &Path, text: &str) -> Result<(), CommandFailure> {
+    whole_files::replace(file, text.as_bytes(), FileReaders::Group)
+        .map_err(|error| CommandFailure::failed(format!("{}: {error}", file.display())))
 }

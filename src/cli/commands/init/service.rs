@@ -1,7 +1,7 @@
 //! The gateway as a service of systemd: what has to be done, as a list that is shown first, and doing it.
 
-use crate::cli::tools::{Failure, print};
-use crate::daemon::host::whole_files::{self, Readers};
+use crate::cli::tools::{CommandFailure, print};
+use crate::daemon::host::whole_files::{self, FileReaders};
 use rustix::process::geteuid;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ const DATA_DIR: &str = "/var/lib/vfd-gateway";
 
 /// What is wanted of the service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wanted {
+pub enum WantedService {
     /// Nothing.
     None,
     /// It is installed.
@@ -32,15 +32,15 @@ pub enum Wanted {
 }
 
 /// The words of the answers.
-pub const WANTED: [(&str, Wanted); 3] = [
-    ("none", Wanted::None),
-    ("install", Wanted::Install),
-    ("start", Wanted::Start),
+pub const WANTED: [(&str, WantedService); 3] = [
+    ("none", WantedService::None),
+    ("install", WantedService::Install),
+    ("start", WantedService::Start),
 ];
 
 /// What there is.
 #[derive(Clone, Debug)]
-pub struct Facts {
+pub struct ServiceFacts {
     /// The program that runs now.
     pub program: PathBuf,
     /// A unit is there already, from a package or an earlier time.
@@ -49,7 +49,7 @@ pub struct Facts {
 
 /// One thing to do.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Step {
+pub enum ServiceStep {
     /// Write a file that everybody may read.
     Write(PathBuf, String),
     /// Copy the program.
@@ -58,7 +58,7 @@ pub enum Step {
     Run(Vec<String>),
 }
 
-impl fmt::Display for Step {
+impl fmt::Display for ServiceStep {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Write(path, _) => write!(f, "write {}", path.display()),
@@ -68,7 +68,7 @@ impl fmt::Display for Step {
     }
 }
 
-impl Facts {
+impl ServiceFacts {
     /// What there is on this host.
     pub fn of_host() -> Self {
         let units = [
@@ -101,12 +101,12 @@ pub fn why_not(out: &Path) -> Option<String> {
 }
 
 /// What has to be done, in order. The configuration with its secrets is there already.
-pub fn steps(facts: &Facts, data_dir: &Path, wanted: Wanted) -> Vec<Step> {
-    let run = |line: &str| Step::Run(line.split(' ').map(str::to_owned).collect());
+pub fn steps(facts: &ServiceFacts, data_dir: &Path, wanted: WantedService) -> Vec<ServiceStep> {
+    let run = |line: &str| ServiceStep::Run(line.split(' ').map(str::to_owned).collect());
     let mut steps = Vec::new();
     // What brought the unit has made its user.
     if !facts.has_unit {
-        steps.push(Step::Write(
+        steps.push(ServiceStep::Write(
             "/etc/sysusers.d/vfd-gateway.conf".into(),
             SYSUSERS.to_owned(),
         ));
@@ -114,18 +114,18 @@ pub fn steps(facts: &Facts, data_dir: &Path, wanted: Wanted) -> Vec<Step> {
         let program = match facts.program.to_str() {
             Some(path @ (PROGRAM | OWN_PROGRAM)) => path,
             _ => {
-                steps.push(Step::Copy(facts.program.clone(), OWN_PROGRAM.into()));
+                steps.push(ServiceStep::Copy(facts.program.clone(), OWN_PROGRAM.into()));
                 OWN_PROGRAM
             }
         };
-        steps.push(Step::Write(
+        steps.push(ServiceStep::Write(
             "/etc/systemd/system/vfd-gateway.service".into(),
             unit(program),
         ));
     }
     if data_dir != Path::new(DATA_DIR) {
         let text = format!("[Service]\nReadWritePaths={}\n", data_dir.display());
-        steps.push(Step::Write(
+        steps.push(ServiceStep::Write(
             "/etc/systemd/system/vfd-gateway.service.d/data-dir.conf".into(),
             text,
         ));
@@ -133,7 +133,7 @@ pub fn steps(facts: &Facts, data_dir: &Path, wanted: Wanted) -> Vec<Step> {
     // Passwords and keys are read by the service alone.
     steps.push(run("chown -R root:vfd-gateway /etc/vfd-gateway"));
     steps.push(run("chmod 750 /etc/vfd-gateway"));
-    steps.push(Step::Run(
+    steps.push(ServiceStep::Run(
         [
             "install",
             "-d",
@@ -150,7 +150,7 @@ pub fn steps(facts: &Facts, data_dir: &Path, wanted: Wanted) -> Vec<Step> {
         .collect(),
     ));
     steps.push(run("systemctl daemon-reload"));
-    if wanted == Wanted::Start {
+    if wanted == WantedService::Start {
         steps.push(run("systemctl enable --now vfd-gateway"));
     }
     steps
@@ -164,7 +164,7 @@ fn unit(program: &str) -> String {
 ///
 /// # Errors
 /// The first that fails, with what is left to do.
-pub fn carry_out(steps: &[Step]) -> Result<(), Failure> {
+pub fn execute_steps(steps: &[ServiceStep]) -> Result<(), CommandFailure> {
     for (at, step) in steps.iter().enumerate() {
         print(&format!("  {step}\n"))?;
         done(step).map_err(|why| {
@@ -173,7 +173,7 @@ pub fn carry_out(steps: &[Step]) -> Result<(), Failure> {
                 .skip(at)
                 .map(|step| format!("\n  {step}"))
                 .collect();
-            Failure::failed(format!(
+            CommandFailure::failed(format!(
                 "{step}: {why}. The configuration is written. Left to do:{left}"
             ))
         })?;
@@ -181,21 +181,21 @@ pub fn carry_out(steps: &[Step]) -> Result<(), Failure> {
     Ok(())
 }
 
-fn done(step: &Step) -> Result<(), String> {
+fn done(step: &ServiceStep) -> Result<(), String> {
     match step {
-        Step::Write(path, text) => {
+        ServiceStep::Write(path, text) => {
             let directory = path.parent().unwrap_or(Path::new("/"));
             let made = std::fs::create_dir_all(directory);
-            made.and_then(|()| whole_files::replace(path, text.as_bytes(), Readers::All))
+            made.and_then(|()| whole_files::replace(path, text.as_bytes(), FileReaders::All))
                 .map_err(|error| error.to_string())
         }
         // The name is replaced, because a program that runs cannot be written.
-        Step::Copy(from, to) => {
+        ServiceStep::Copy(from, to) => {
             let new = to.with_extension("new");
             let copied = std::fs::copy(from, &new).and_then(|_| std::fs::rename(&new, to));
             copied.map_err(|error| error.to_string())
         }
-        Step::Run(words) => {
+        ServiceStep::Run(words) => {
             let Some((program, args)) = words.split_first() else {
                 return Ok(());
             };
@@ -219,17 +219,17 @@ mod tests {
     use crate::daemon::testing::Dir;
     use std::os::unix::fs::PermissionsExt;
 
-    fn text(steps: &[Step]) -> Vec<String> {
+    fn text(steps: &[ServiceStep]) -> Vec<String> {
         steps.iter().map(ToString::to_string).collect()
     }
 
     #[test]
     fn a_program_from_a_build_gets_a_place_and_a_unit_that_names_it() {
-        let facts = Facts {
+        let facts = ServiceFacts {
             program: "/srv/sources/target/release/vfd-gateway".into(),
             has_unit: false,
         };
-        let steps = steps(&facts, Path::new(DATA_DIR), Wanted::Start);
+        let steps = steps(&facts, Path::new(DATA_DIR), WantedService::Start);
         let expected = [
             "write /etc/sysusers.d/vfd-gateway.conf",
             "systemd-sysusers vfd-gateway.conf",
@@ -243,7 +243,7 @@ mod tests {
         ];
         assert_eq!(text(&steps), expected);
         let unit = steps.iter().find_map(|step| match step {
-            Step::Write(path, text) if path.ends_with("vfd-gateway.service") => Some(text),
+            ServiceStep::Write(path, text) if path.ends_with("vfd-gateway.service") => Some(text),
             _ => None,
         });
         let unit = unit.unwrap();
@@ -263,11 +263,11 @@ mod tests {
 
     #[test]
     fn what_a_package_has_brought_stays_and_another_data_dir_is_allowed() {
-        let facts = Facts {
+        let facts = ServiceFacts {
             program: PROGRAM.into(),
             has_unit: true,
         };
-        let steps = steps(&facts, Path::new("/srv/gateway"), Wanted::Install);
+        let steps = steps(&facts, Path::new("/srv/gateway"), WantedService::Install);
         let found = text(&steps);
         assert!(
             !found
@@ -281,7 +281,7 @@ mod tests {
                 .any(|step| step.contains("enable") || step.contains("sysusers")),
             "{found:?}"
         );
-        let drop_in = Step::Write(
+        let drop_in = ServiceStep::Write(
             "/etc/systemd/system/vfd-gateway.service.d/data-dir.conf".into(),
             "[Service]\nReadWritePaths=/srv/gateway\n".to_owned(),
         );
@@ -301,15 +301,15 @@ mod tests {
         std::fs::write(&from, "program").unwrap();
         std::fs::set_permissions(&from, std::fs::Permissions::from_mode(0o755)).unwrap();
         let file = dir.join("made/here/unit");
-        let run = |word: &str| Step::Run(vec![word.to_owned()]);
+        let run = |word: &str| ServiceStep::Run(vec![word.to_owned()]);
         let steps = [
-            Step::Write(file.clone(), "[Unit]\n".to_owned()),
-            Step::Copy(from, to.clone()),
+            ServiceStep::Write(file.clone(), "[Unit]\n".to_owned()),
+            ServiceStep::Copy(from, to.clone()),
             run("true"),
             run("false"),
             run("never"),
         ];
-        let told = carry_out(&steps).unwrap_err().to_string();
+        let told = execute_steps(&steps).unwrap_err().to_string();
         assert!(
             told.starts_with("false: exit status: 1")
                 && told.ends_with("Left to do:\n  false\n  never"),

@@ -2,8 +2,8 @@
 
 use super::answers::{BrokerAnswers, ModbusAnswers, PageAnswers};
 use super::args::Args;
-use crate::cli::tools::Failure;
-use crate::cli::tools::questions::Questions;
+use crate::cli::tools::CommandFailure;
+use crate::cli::tools::questions::PersonQuestions;
 use crate::cli::tools::straight_write;
 use crate::config::written::NewControl;
 use crate::domain::ids::{CommanderName, Name};
@@ -23,7 +23,7 @@ const ACTIONS: [(&str, &str); 3] = [
 
 /// Secrets that are written once all is answered.
 #[derive(Default)]
-pub struct Secrets {
+pub struct InitSecrets {
     /// Password of the page's user.
     pub page: Option<String>,
     /// Password at the broker.
@@ -93,9 +93,9 @@ fn action(text: &str) -> Result<String, String> {
 
 /// The ways that are wanted.
 pub fn wanted<R: BufRead>(
-    questions: &mut Questions<R>,
+    questions: &mut PersonQuestions<R>,
     args: &Args,
-) -> Result<Vec<String>, Failure> {
+) -> Result<Vec<String>, CommandFailure> {
     let question = format!("What is to reach the drives, of {}", WAYS.join(", "));
     questions.given_or_asked(
         args.ways.as_deref(),
@@ -114,7 +114,10 @@ pub fn wanted<R: BufRead>(
 }
 
 /// Where the page listens, and who may see it.
-pub fn page<R: BufRead>(questions: &mut Questions<R>, args: &Args) -> Result<PageAnswers, Failure> {
+pub fn page<R: BufRead>(
+    questions: &mut PersonQuestions<R>,
+    args: &Args,
+) -> Result<PageAnswers, CommandFailure> {
     let listen = questions.given_or_asked(
         args.page_listen.as_deref(),
         "--page-listen",
@@ -139,9 +142,9 @@ pub fn page<R: BufRead>(questions: &mut Questions<R>, args: &Args) -> Result<Pag
 
 /// Where Modbus TCP listens, and who may read.
 pub fn modbus<R: BufRead>(
-    questions: &mut Questions<R>,
+    questions: &mut PersonQuestions<R>,
     args: &Args,
-) -> Result<ModbusAnswers, Failure> {
+) -> Result<ModbusAnswers, CommandFailure> {
     let listen = questions.given_or_asked(
         args.modbus_listen.as_deref(),
         "--modbus-listen",
@@ -165,12 +168,12 @@ pub fn modbus<R: BufRead>(
 
 /// Who may connect; on loopback that needs no answer.
 fn allowed<R: BufRead>(
-    questions: &mut Questions<R>,
+    questions: &mut PersonQuestions<R>,
     listen: SocketAddr,
     given: Option<&str>,
     flag: &str,
     what: &str,
-) -> Result<Vec<IpNet>, Failure> {
+) -> Result<Vec<IpNet>, CommandFailure> {
     if listen.ip().is_loopback() && given.is_none() {
         return Ok(Vec::new());
     }
@@ -180,12 +183,12 @@ fn allowed<R: BufRead>(
 
 /// The broker. `directory` is where the password goes.
 pub fn broker<R: BufRead>(
-    questions: &mut Questions<R>,
+    questions: &mut PersonQuestions<R>,
     args: &Args,
     ways: &[String],
     directory: &Path,
-    secrets: &mut Secrets,
-) -> Result<BrokerAnswers, Failure> {
+    secrets: &mut InitSecrets,
+) -> Result<BrokerAnswers, CommandFailure> {
     let url = questions.given_or_asked(
         args.broker.as_deref(),
         "--broker",
@@ -240,10 +243,10 @@ pub fn broker<R: BufRead>(
 
 /// Who may command, of the ways that are open; none by default.
 pub fn commanders<R: BufRead>(
-    questions: &mut Questions<R>,
+    questions: &mut PersonQuestions<R>,
     args: &Args,
     ways: &[String],
-) -> Result<Vec<String>, Failure> {
+) -> Result<Vec<String>, CommandFailure> {
     let mut open: Vec<&str> = Vec::new();
     for (way, from) in [
         ("page", "page"),
@@ -271,10 +274,10 @@ pub fn commanders<R: BufRead>(
 
 /// The rules of control. What happens to the motor when its client is lost has no default.
 pub fn control<R: BufRead>(
-    questions: &mut Questions<R>,
+    questions: &mut PersonQuestions<R>,
     args: &Args,
     from: Vec<String>,
-) -> Result<NewControl, Failure> {
+) -> Result<NewControl, CommandFailure> {
     let limits_hz = questions.given_or_asked(
         args.limits.as_deref(),
         "--limits",
@@ -337,9 +340,9 @@ pub fn control<R: BufRead>(
 
 /// Who may command over Modbus TCP.
 pub fn writers<R: BufRead>(
-    questions: &mut Questions<R>,
+    questions: &mut PersonQuestions<R>,
     args: &Args,
-) -> Result<Vec<IpNet>, Failure> {
+) -> Result<Vec<IpNet>, CommandFailure> {
     let question = "Addresses that may command over Modbus TCP, such as 10.0.0.5";
     questions.given_or_asked(
         args.modbus_write.as_deref(),
@@ -352,11 +355,11 @@ pub fn writers<R: BufRead>(
 
 /// Who signs in to the page. `directory` is where the hash goes.
 pub fn page_user<R: BufRead>(
-    questions: &mut Questions<R>,
+    questions: &mut PersonQuestions<R>,
     args: &Args,
     directory: &Path,
-    secrets: &mut Secrets,
-) -> Result<(String, PathBuf), Failure> {
+    secrets: &mut InitSecrets,
+) -> Result<(String, PathBuf), CommandFailure> {
     let name = questions.given_or_asked(
         args.page_user.as_deref(),
         "--page-user",

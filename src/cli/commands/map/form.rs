@@ -1,6 +1,6 @@
 //! The forms of a map: CSV, Markdown, JSON.
 
-use super::Map;
+use super::UnitMap;
 use crate::north::modbus::sheet::SheetRow;
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -32,7 +32,7 @@ const COLUMNS: [&str; 22] = [
 ];
 
 /// One table, a row for each value.
-pub fn csv(maps: &[Map]) -> String {
+pub fn csv(maps: &[UnitMap]) -> String {
     let mut text = COLUMNS.join(",") + "\n";
     for map in maps {
         for row in &map.rows {
@@ -43,7 +43,7 @@ pub fn csv(maps: &[Map]) -> String {
     text
 }
 
-fn cells(map: &Map, row: &SheetRow) -> [String; 22] {
+fn cells(map: &UnitMap, row: &SheetRow) -> [String; 22] {
     [
         map.listeners.join(" "),
         map.unit.to_string(),
@@ -54,7 +54,7 @@ fn cells(map: &Map, row: &SheetRow) -> [String; 22] {
             .map(|(model, _)| model.clone())
             .unwrap_or_default(),
         row.of.clone(),
-        row.table.word().to_owned(),
+        row.table.keyword().to_owned(),
         row.address.to_string(),
         hex(row),
         row.table.number(row.address),
@@ -65,7 +65,7 @@ fn cells(map: &Map, row: &SheetRow) -> [String; 22] {
         row.code.clone(),
         row.name.clone(),
         row.title.clone(),
-        row.format.word().to_owned(),
+        row.format.keyword().to_owned(),
         row.step.clone(),
         row.unit.to_owned(),
         row.meaning.clone(),
@@ -92,7 +92,7 @@ fn quoted(cell: &str) -> String {
 }
 
 /// A heading and a table for each unit.
-pub fn markdown(maps: &[Map]) -> String {
+pub fn markdown(maps: &[UnitMap]) -> String {
     let mut text = "# Modbus map\n\n\
         Addresses count from 0, as they are sent; `number` counts from 1 after the digit of the table, with six digits \
         above 9999. A value is the word times `step`.\n"
@@ -103,7 +103,7 @@ pub fn markdown(maps: &[Map]) -> String {
     text
 }
 
-fn section(text: &mut String, map: &Map) {
+fn section(text: &mut String, map: &UnitMap) {
     let head = match (&map.drive, &map.model) {
         (Some(drive), Some((model, line))) => format!("{drive}, {} ({model} on {line})", map.kind),
         _ => "the gateway itself (unit 0 reads the same)".to_owned(),
@@ -134,13 +134,13 @@ fn section(text: &mut String, map: &Map) {
         let _ = writeln!(
             text,
             "| {} | {} | {} | {of}{} | {} | {} | {} | {} | {} |",
-            row.table.word(),
+            row.table.keyword(),
             span(row),
             numbers(row),
             row.functions(map.kind == "native"),
             row.access(),
             escaped(&what(row)),
-            row.format.word(),
+            row.format.keyword(),
             [row.step.as_str(), row.unit].join(" ").trim(),
             escaped(&values(row))
         );
@@ -199,12 +199,12 @@ fn escaped(text: &str) -> String {
 }
 
 /// One document for programs. Absent values are `null`.
-pub fn json(maps: &[Map]) -> String {
+pub fn json(maps: &[UnitMap]) -> String {
     let maps: Vec<_> = maps.iter().map(of_map).collect();
     format!("{:#}\n", json!({ "maps": maps }))
 }
 
-fn of_map(map: &Map) -> Value {
+fn of_map(map: &UnitMap) -> Value {
     let (model, line) = map.model.clone().unzip();
     let rows: Vec<_> = map
         .rows
@@ -226,11 +226,11 @@ fn of_row(row: &SheetRow, is_native: bool) -> Value {
         }
     };
     json!({
-        "table": row.table.word(), "address": row.address, "count": row.count,
+        "table": row.table.keyword(), "address": row.address, "count": row.count,
         "number": row.table.number(row.address), "input_number": row.table.input_number(row.address),
         "functions": row.functions(is_native), "readable": row.is_read, "writable": row.is_written,
         "of": given(&row.of), "code": given(&row.code), "name": given(&row.name), "title": row.title,
-        "format": row.format.word(), "step": number(&row.step), "unit": given(row.unit),
+        "format": row.format.keyword(), "step": number(&row.step), "unit": given(row.unit),
         "meaning": given(&row.meaning), "special": given(&row.special),
     })
 }

@@ -3,7 +3,7 @@
 mod form;
 
 use crate::cli::tools::client::UNIFORM;
-use crate::cli::tools::{Failure, input, print};
+use crate::cli::tools::{CommandFailure, input, print};
 use crate::config::{Config, ListenerSettings};
 use crate::daemon::lines::build;
 use crate::domain::command::Rights;
@@ -20,8 +20,8 @@ pub struct Args {
     #[arg(short, long, value_name = "FILE")]
     config: PathBuf,
     /// Output format
-    #[arg(long, value_enum, default_value_t = Format::Md)]
-    format: Format,
+    #[arg(long, value_enum, default_value_t = MapFormat::Md)]
+    format: MapFormat,
     /// Only this unit, native or uniform; 255 is the gateway itself
     #[arg(long, value_name = "N")]
     unit: Option<u8>,
@@ -32,7 +32,7 @@ pub struct Args {
 
 /// The output format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum Format {
+enum MapFormat {
     /// CSV for spreadsheets and tag imports
     Csv,
     /// Markdown for reading and printing
@@ -41,7 +41,7 @@ enum Format {
 
 /// One unit with everything that is reached at it.
 #[derive(Debug)]
-struct Map {
+struct UnitMap {
     unit: u8,
     /// `native`, `uniform` or `gateway`.
     kind: &'static str,
@@ -55,10 +55,10 @@ struct Map {
 }
 
 /// Prints the maps.
-pub fn map(args: &Args) -> Result<(), Failure> {
+pub fn map(args: &Args) -> Result<(), CommandFailure> {
     let config = input::configuration(&args.config)?;
     if config.listeners.is_empty() && config.serial_masters.is_empty() {
-        return Err(Failure::wrong(format!(
+        return Err(CommandFailure::wrong(format!(
             "{}: there is no Modbus server, so there is no map; a `[[modbus_tcp]]` with `listen` serves one",
             args.config.display()
         )));
@@ -68,7 +68,7 @@ pub fn map(args: &Args) -> Result<(), Failure> {
         let units: Vec<_> = maps.iter().map(|map| map.unit.to_string()).collect();
         maps.retain(|map| map.unit == unit);
         if maps.is_empty() {
-            return Err(Failure::wrong(format!(
+            return Err(CommandFailure::wrong(format!(
                 "there is no unit {unit}; units are {}",
                 units.join(", ")
             )));
@@ -76,13 +76,13 @@ pub fn map(args: &Args) -> Result<(), Failure> {
     }
     print(&match (args.json, args.format) {
         (true, _) => form::json(&maps),
-        (false, Format::Csv) => form::csv(&maps),
-        (false, Format::Md) => form::markdown(&maps),
+        (false, MapFormat::Csv) => form::csv(&maps),
+        (false, MapFormat::Md) => form::markdown(&maps),
     })
 }
 
 /// The maps of all units: each drive's two in the order of the file, then the gateway's.
-fn maps(config: &Config) -> Vec<Map> {
+fn maps(config: &Config) -> Vec<UnitMap> {
     let shared = build::shared(config);
     let drives: Vec<_> = shared
         .drives
@@ -99,14 +99,14 @@ fn maps(config: &Config) -> Vec<Map> {
             drive,
             drive.uniform_unit,
             "uniform",
-            |rights| named(sheet::uniform(drive, rights)),
+            |rights| rows_with_tool_names(sheet::uniform(drive, rights)),
         ));
     }
     let lines: Vec<_> = config.lines.iter().map(|line| line.name.as_str()).collect();
     let names: Vec<_> = drives.iter().map(|drive| drive.name.as_str()).collect();
     let servers = servers(config);
     let rows = sheet::gateway(&lines, &names, rights(&servers));
-    maps.push(Map {
+    maps.push(UnitMap {
         unit: own::UNIT,
         kind: "gateway",
         drive: None,
@@ -140,11 +140,11 @@ fn of_drive(
     unit: UnitId,
     kind: &'static str,
     rows: impl FnOnce(Rights) -> Vec<SheetRow>,
-) -> Option<Map> {
+) -> Option<UnitMap> {
     let line = usize::from(drive.place.line);
     let serve = |(_, server): &Server<'_>| server.serves(line) && server.answers_at(unit);
     let servers: Vec<_> = servers(config).into_iter().filter(serve).collect();
-    (!servers.is_empty()).then(|| Map {
+    (!servers.is_empty()).then(|| UnitMap {
         unit: unit.get(),
         kind,
         drive: Some(drive.name.to_string()),
@@ -179,7 +179,7 @@ fn of_listener(listener: &ListenerSettings) -> Rights {
 }
 
 /// The rows with the names that `read` and `watch` use.
-fn named(rows: Vec<SheetRow>) -> Vec<SheetRow> {
+fn rows_with_tool_names(rows: Vec<SheetRow>) -> Vec<SheetRow> {
     let name = |row: &SheetRow| {
         let is_bit = matches!(
             row.table,
@@ -206,7 +206,7 @@ mod tests {
     use crate::vendors;
     use std::path::Path;
 
-    fn maps_of(file: &str) -> Vec<Map> {
+    fn maps_of(file: &str) -> Vec<UnitMap> {
         let catalog = vendors::catalog();
         let text =
             std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap();
@@ -301,7 +301,7 @@ mod tests {
             .iter()
             .filter(|row| row.name.is_empty() && row.title != "reserved");
         let titles: Vec<_> = nameless
-            .filter(|row| row.table.word().ends_with("register"))
+            .filter(|row| row.table.keyword().ends_with("register"))
             .map(|row| &row.title)
             .collect();
         assert_eq!(

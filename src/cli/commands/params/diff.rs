@@ -1,19 +1,19 @@
 //! The differences between two dumps, and what a restore would write, in which order.
 
-use super::file::{Dump, Parameter};
+use super::file::{Parameter, ParameterDump};
 use super::live::ListedParameter;
 use serde_json::{Value, json};
 
 /// A parameter that is not the same on both sides.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Difference {
+pub struct ParameterDifference {
     /// The parameter on the first side; `None`: it is only on the second.
     pub first: Option<Parameter>,
     /// The parameter on the second side; `None`: it is only on the first.
     pub second: Option<Parameter>,
 }
 
-impl Difference {
+impl ParameterDifference {
     fn any(&self) -> Option<&Parameter> {
         self.first.as_ref().or(self.second.as_ref())
     }
@@ -51,7 +51,7 @@ impl Difference {
 
 /// All differences, in order of address.
 #[must_use]
-pub fn differences(first: &Dump, second: &Dump) -> Vec<Difference> {
+pub fn differences(first: &ParameterDump, second: &ParameterDump) -> Vec<ParameterDifference> {
     let mut addresses: Vec<u16> = first
         .parameters
         .iter()
@@ -60,12 +60,13 @@ pub fn differences(first: &Dump, second: &Dump) -> Vec<Difference> {
         .collect();
     addresses.sort_unstable();
     addresses.dedup();
-    let pair = |address: u16| Difference {
+    let pair = |address: u16| ParameterDifference {
         first: first.at(address).cloned(),
         second: second.at(address).cloned(),
     };
-    let differs =
-        |it: &Difference| it.first.as_ref().map(|it| it.raw) != it.second.as_ref().map(|it| it.raw);
+    let differs = |it: &ParameterDifference| {
+        it.first.as_ref().map(|it| it.raw) != it.second.as_ref().map(|it| it.raw)
+    };
     addresses
         .into_iter()
         .map(pair)
@@ -75,7 +76,7 @@ pub fn differences(first: &Dump, second: &Dump) -> Vec<Difference> {
 }
 
 /// A person who edits a file changes its words, and leaves the texts beside them unchanged.
-fn without_old_text(mut it: Difference) -> Difference {
+fn without_old_text(mut it: ParameterDifference) -> ParameterDifference {
     if let (Some(first), Some(second)) = (&mut it.first, &mut it.second)
         && first.text == second.text
     {
@@ -87,16 +88,16 @@ fn without_old_text(mut it: Difference) -> Difference {
 
 /// What a restore would do.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Plan {
+pub struct RestorePlan {
     /// What is written, in this order: old, new, and whether it wears a memory.
-    pub writes: Vec<Change>,
+    pub writes: Vec<ParameterChange>,
     /// Differences that are left unchanged, with the reason.
     pub left: Vec<(Parameter, String)>,
 }
 
 /// One parameter that a restore writes.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Change {
+pub struct ParameterChange {
     /// What the drive holds.
     pub old: Parameter,
     /// What it is to hold.
@@ -120,10 +121,15 @@ fn order(kind: &str) -> u8 {
 /// The writes that make `live` hold the values of `wanted`, on a drive that knows `known`. Link, station and sources
 /// are left alone unless `with_link`.
 #[must_use]
-pub fn plan(wanted: &Dump, live: &Dump, known: &[ListedParameter], with_link: bool) -> Plan {
-    let mut plan = Plan::default();
+pub fn plan(
+    wanted: &ParameterDump,
+    live: &ParameterDump,
+    known: &[ListedParameter],
+    with_link: bool,
+) -> RestorePlan {
+    let mut plan = RestorePlan::default();
     for difference in differences(live, wanted) {
-        let Difference {
+        let ParameterDifference {
             first: old,
             second: Some(new),
         } = difference
@@ -153,7 +159,7 @@ pub fn plan(wanted: &Dump, live: &Dump, known: &[ListedParameter], with_link: bo
         };
         match (left, old, of) {
             (None, Some(old), Some(known)) => {
-                plan.writes.push(Change {
+                plan.writes.push(ParameterChange {
                     old,
                     new,
                     is_stored: known.is_stored,
@@ -182,13 +188,13 @@ mod tests {
         }
     }
 
-    fn dump(values: &[(u16, u16)]) -> Dump {
-        Dump {
+    fn dump(values: &[(u16, u16)]) -> ParameterDump {
+        ParameterDump {
             parameters: values
                 .iter()
                 .map(|(address, raw)| parameter(*address, (*raw).into()))
                 .collect(),
-            ..Dump::default()
+            ..ParameterDump::default()
         }
     }
 
@@ -209,7 +215,7 @@ mod tests {
         let second = dump(&[(1, 10), (2, 21), (4, 40)]);
         let rows: Vec<_> = differences(&first, &second)
             .iter()
-            .map(Difference::row)
+            .map(ParameterDifference::row)
             .collect();
         let row = |code: &str, first: &str, second: &str| {
             [
@@ -248,7 +254,7 @@ mod tests {
                 .map(|address| (address, u16::from(address != 7)))
                 .collect::<Vec<_>>(),
         );
-        let addresses = |plan: &Plan| {
+        let addresses = |plan: &RestorePlan| {
             plan.writes
                 .iter()
                 .map(|change| change.new.address)

@@ -1,13 +1,13 @@
 //! A dump of parameters as a TOML file: written, and read again.
 
-use crate::cli::tools::Failure;
+use crate::cli::tools::CommandFailure;
 use std::fmt::Write;
 use std::path::Path;
 use toml::{Table, Value};
 
 /// The content of a dump.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Dump {
+pub struct ParameterDump {
     /// Name of the drive.
     pub drive: String,
     /// Its model.
@@ -19,7 +19,7 @@ pub struct Dump {
     /// The parameters that were read, in order of address.
     pub parameters: Vec<Parameter>,
     /// The parameters that could not be read.
-    pub unreadable: Vec<Unreadable>,
+    pub unreadable: Vec<UnreadableParameter>,
     /// What else it does not hold.
     pub left_out: Vec<LeftOut>,
 }
@@ -50,7 +50,7 @@ pub struct Parameter {
 
 /// One that the drive did not show.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Unreadable {
+pub struct UnreadableParameter {
     /// The vendor's code.
     pub code: String,
     /// Its address on the wire.
@@ -70,7 +70,7 @@ impl Parameter {
     }
 }
 
-impl Dump {
+impl ParameterDump {
     /// The parameter at `address`.
     #[must_use]
     pub fn at(&self, address: u16) -> Option<&Parameter> {
@@ -117,7 +117,7 @@ impl Dump {
             }
             let _ = writeln!(file, "title = {}", quoted(title));
         }
-        for Unreadable {
+        for UnreadableParameter {
             code,
             address,
             reason,
@@ -169,9 +169,10 @@ impl Dump {
     ///
     /// # Errors
     /// It cannot be read, or is not a dump: where, and what would be correct.
-    pub fn read(path: &Path) -> Result<Self, Failure> {
+    pub fn read(path: &Path) -> Result<Self, CommandFailure> {
         let text = crate::cli::tools::input::read(path)?;
-        Self::parse(&text).map_err(|wrong| Failure::wrong(format!("{}: {wrong}", path.display())))
+        Self::parse(&text)
+            .map_err(|wrong| CommandFailure::wrong(format!("{}: {wrong}", path.display())))
     }
 
     /// The dump in `text`.
@@ -194,19 +195,19 @@ impl Dump {
             .and_then(Value::as_table)
             .ok_or("`[drive]` is missing")?;
         let mut dump = Self {
-            drive: word(drive, "drive", "name")?,
-            model: word(drive, "drive", "model")?,
+            drive: text_of_key(drive, "drive", "name")?,
+            model: text_of_key(drive, "drive", "model")?,
             station: drive
                 .get("station")
                 .map(|it| number(it, "drive.station"))
                 .transpose()?,
-            at: word(drive, "drive", "at")?,
+            at: text_of_key(drive, "drive", "at")?,
             ..Self::default()
         };
         for (place, one) in tables(&table, "parameter")? {
             let of = |key: &str| one.get(key).ok_or(format!("{place}.{key} is missing"));
             dump.parameters.push(Parameter {
-                code: word(one, &place, "code")?,
+                code: text_of_key(one, &place, "code")?,
                 address: number(of("address")?, &format!("{place}.address"))?,
                 raw: number(of("raw")?, &format!("{place}.raw"))?,
                 text: one.get("text").and_then(Value::as_str).map(str::to_owned),
@@ -222,16 +223,16 @@ impl Dump {
                 .get("address")
                 .ok_or(format!("{place}.address is missing"))?;
             let address = number(address, &format!("{place}.address"))?;
-            dump.unreadable.push(Unreadable {
-                code: word(one, &place, "code")?,
+            dump.unreadable.push(UnreadableParameter {
+                code: text_of_key(one, &place, "code")?,
                 address,
-                reason: word(one, &place, "reason")?,
+                reason: text_of_key(one, &place, "reason")?,
             });
         }
         for (place, one) in tables(&table, "left_out")? {
             dump.left_out.push(LeftOut {
-                what: word(one, &place, "what")?,
-                reason: word(one, &place, "reason")?,
+                what: text_of_key(one, &place, "what")?,
+                reason: text_of_key(one, &place, "reason")?,
             });
         }
         let mut addresses: Vec<u16> = dump
@@ -263,7 +264,7 @@ fn tables<'t>(table: &'t Table, key: &str) -> Result<Vec<(String, &'t Table)>, S
     list.iter().enumerate().map(named).collect()
 }
 
-fn word(table: &Table, place: &str, key: &str) -> Result<String, String> {
+fn text_of_key(table: &Table, place: &str, key: &str) -> Result<String, String> {
     let text = table.get(key).and_then(Value::as_str);
     text.map(str::to_owned)
         .ok_or(format!("{place}.{key} is missing or not text"))
@@ -280,7 +281,7 @@ fn number<T: TryFrom<i64>>(value: &Value, place: &str) -> Result<T, String> {
 mod tests {
     use super::*;
 
-    pub fn dump() -> Dump {
+    pub fn dump() -> ParameterDump {
         let parameter = |code: &str, address, raw, text: Option<&str>| Parameter {
             code: code.to_owned(),
             address,
@@ -288,7 +289,7 @@ mod tests {
             text: text.map(str::to_owned),
             title: "It \"is\" one".to_owned(),
         };
-        Dump {
+        ParameterDump {
             drive: "pump-1".to_owned(),
             model: "acme-1".to_owned(),
             station: Some(3),
@@ -297,7 +298,7 @@ mod tests {
                 parameter("F007", 0x020C, 100, Some("10.0 s")),
                 parameter("F010", 0x0211, 3, None),
             ],
-            unreadable: vec![Unreadable {
+            unreadable: vec![UnreadableParameter {
                 code: "F9".to_owned(),
                 address: 9,
                 reason: "no answer".to_owned(),
@@ -312,15 +313,15 @@ mod tests {
     #[test]
     fn what_is_written_is_read_again() {
         let dump = dump();
-        assert_eq!(Dump::parse(&dump.text()), Ok(dump.clone()));
-        let without = Dump {
+        assert_eq!(ParameterDump::parse(&dump.text()), Ok(dump.clone()));
+        let without = ParameterDump {
             station: None,
             unreadable: Vec::new(),
             parameters: Vec::new(),
             left_out: Vec::new(),
             ..dump
         };
-        assert_eq!(Dump::parse(&without.text()), Ok(without));
+        assert_eq!(ParameterDump::parse(&without.text()), Ok(without));
     }
 
     #[test]
@@ -362,7 +363,7 @@ mod tests {
                 "unreadable[0].code",
             ),
         ] {
-            let wrong = Dump::parse(&text.replacen(old, new, 1)).unwrap_err();
+            let wrong = ParameterDump::parse(&text.replacen(old, new, 1)).unwrap_err();
             assert!(wrong.contains(told), "{new}: {wrong}");
         }
     }

@@ -1,11 +1,11 @@
 //! The present parameters of a drive, requested from the gateway that serves it, over its socket.
 
-use super::file::{Dump, LeftOut, Parameter, Unreadable};
-use super::walk::{Tried, Walk};
-use crate::cli::tools::Failure;
-use crate::cli::tools::progress::Bar;
+use super::file::{LeftOut, Parameter, ParameterDump, UnreadableParameter};
+use super::walk::{GroupWalk, WalkOutcome};
+use crate::cli::tools::CommandFailure;
+use crate::cli::tools::progress::ProgressBar;
 use crate::cli::tools::setup::{outcome, unknown};
-use crate::cli::tools::socket::{Question, ask};
+use crate::cli::tools::socket::{SocketRequest, ask};
 use crate::daemon::host::clock;
 use crate::domain::calendar;
 use crate::domain::ids::Name;
@@ -23,7 +23,7 @@ const BACK_WITHIN: usize = 20;
 
 /// A drive behind a gateway.
 #[derive(Clone, Debug)]
-pub struct Live {
+pub struct GatewayDrive {
     /// The gateway's socket.
     pub socket: PathBuf,
     /// The drive's name there.
@@ -51,7 +51,7 @@ pub struct ListedParameter {
 
 /// What the model of a drive knows.
 #[derive(Clone, Debug)]
-pub struct Catalogue {
+pub struct ParameterCatalogue {
     /// The model.
     pub model: String,
     /// Whether anything may be written to this drive at all.
@@ -86,7 +86,7 @@ pub struct UnknownOf {
     pub addresses: Vec<u16>,
 }
 
-impl Catalogue {
+impl ParameterCatalogue {
     /// Whether the drive may have a parameter at `address` that its model does not describe.
     #[must_use]
     pub fn may_have(&self, address: u16) -> bool {
@@ -96,13 +96,13 @@ impl Catalogue {
     }
 }
 
-impl Live {
+impl GatewayDrive {
     /// What the gateway knows of the drive's parameters. Causes no request to the drive.
     ///
     /// # Errors
     /// There is no such drive, or no answer.
-    pub async fn catalogue(&self) -> Result<Catalogue, Failure> {
-        let list = self.ask(Question::look(&self.path(None))).await?;
+    pub async fn catalogue(&self) -> Result<ParameterCatalogue, CommandFailure> {
+        let list = self.ask(SocketRequest::get(&self.path(None))).await?;
         let text = |value: &Value, key: &str| value[key].as_str().unwrap_or_default().to_owned();
         let known = |one: &Value| {
             Some(ListedParameter {
@@ -129,7 +129,7 @@ impl Live {
                 .filter_map(address)
                 .collect(),
         };
-        Ok(Catalogue {
+        Ok(ParameterCatalogue {
             model: text(&list, "model"),
             may_be_written: list["may_be_written"] == true,
             commit: list["commit"].is_object().then(|| CommitNeed {
@@ -150,16 +150,18 @@ impl Live {
     pub async fn read(
         &self,
         known: &ListedParameter,
-    ) -> Result<Result<Parameter, Unreadable>, Failure> {
+    ) -> Result<Result<Parameter, UnreadableParameter>, CommandFailure> {
         let seen = self
-            .ask(Question::look(&self.path(Some(known.address))))
+            .ask(SocketRequest::get(&self.path(Some(known.address))))
             .await?;
-        Ok(Self::told(known, &seen))
+        Ok(Self::parse_parameter(known, &seen))
     }
 
     /// Reads what the drive may have at `address`.
-    async fn try_at(&self, address: u16) -> Result<Tried, Failure> {
-        let seen = self.ask(Question::look(&self.path(Some(address)))).await?;
+    async fn try_at(&self, address: u16) -> Result<WalkOutcome, CommandFailure> {
+        let seen = self
+            .ask(SocketRequest::get(&self.path(Some(address))))
+            .await?;
         let code = seen["code"].as_str().unwrap_or_default().to_owned();
         let known = ListedParameter {
             code: code.clone(),
@@ -167,10 +169,13 @@ impl Live {
             ..ListedParameter::default()
         };
         Ok(
-            match (Self::told(&known, &seen), seen["exception"].is_u64()) {
-                (Ok(parameter), _) => Tried::Shown(parameter),
-                (Err(_), true) => Tried::Refused(code),
-                (Err(unreadable), false) => Tried::Silent(code, unreadable.reason),
+            match (
+                Self::parse_parameter(&known, &seen),
+                seen["exception"].is_u64(),
+            ) {
+                (Ok(parameter), _) => WalkOutcome::Shown(parameter),
+                (Err(_), true) => WalkOutcome::Refused(code),
+                (Err(unreadable), false) => WalkOutcome::Silent(code, unreadable.reason),
             },
         )
     }
@@ -184,16 +189,16 @@ impl Live {
         &self,
         groups: &[UnknownOf],
         there: Option<&ListedParameter>,
-        dump: &mut Dump,
-    ) -> Result<(), Failure> {
-        let mut bar = Bar::new(groups.iter().map(|group| group.addresses.len()).sum());
+        dump: &mut ParameterDump,
+    ) -> Result<(), CommandFailure> {
+        let mut bar = ProgressBar::new(groups.iter().map(|group| group.addresses.len()).sum());
         let mut done = 0;
         for group in groups {
-            let mut walk = Walk::default();
+            let mut walk = GroupWalk::default();
             for (at, address) in group.addresses.iter().enumerate() {
                 bar.to(done + at, &group.group);
                 let tried = self.try_at(*address).await?;
-                if let (Tried::Silent(..), Some(there)) = (&tried, there) {
+                if let (WalkOutcome::Silent(..), Some(there)) = (&tried, there) {
                     self.wait_for(there).await?;
                 }
                 if !walk.goes_on_after(tried, dump) {
@@ -209,7 +214,7 @@ impl Live {
     }
 
     /// Waits until the drive answers again, if it counts as silent.
-    async fn wait_for(&self, there: &ListedParameter) -> Result<(), Failure> {
+    async fn wait_for(&self, there: &ListedParameter) -> Result<(), CommandFailure> {
         for _ in 0..BACK_WITHIN {
             if self.read(there).await?.is_ok() {
                 return Ok(());
@@ -219,7 +224,10 @@ impl Live {
         Ok(())
     }
 
-    fn told(known: &ListedParameter, seen: &Value) -> Result<Parameter, Unreadable> {
+    fn parse_parameter(
+        known: &ListedParameter,
+        seen: &Value,
+    ) -> Result<Parameter, UnreadableParameter> {
         let found = &seen["found"];
         let Some(raw) = found["raw"]
             .as_u64()
@@ -233,7 +241,7 @@ impl Live {
                 seen["message"].as_str().unwrap_or("?"),
                 exception.unwrap_or_default()
             );
-            return Err(Unreadable {
+            return Err(UnreadableParameter {
                 code: known.code.clone(),
                 address: known.address,
                 reason,
@@ -256,15 +264,19 @@ impl Live {
     ///
     /// # Errors
     /// The gateway does not answer.
-    pub async fn dump(&self, model: &str, wanted: &[ListedParameter]) -> Result<Dump, Failure> {
-        let mut dump = Dump {
+    pub async fn dump(
+        &self,
+        model: &str,
+        wanted: &[ListedParameter],
+    ) -> Result<ParameterDump, CommandFailure> {
+        let mut dump = ParameterDump {
             drive: self.drive.to_string(),
             model: model.to_owned(),
             station: self.station,
             at: calendar::rfc3339(clock::wall()),
-            ..Dump::default()
+            ..ParameterDump::default()
         };
-        let mut bar = Bar::new(wanted.len());
+        let mut bar = ProgressBar::new(wanted.len());
         for (at, known) in wanted.iter().enumerate() {
             bar.to(at, &known.code);
             match self.read(known).await? {
@@ -280,11 +292,11 @@ impl Live {
     ///
     /// # Errors
     /// The gateway does not answer: the outcome is unknown.
-    pub async fn write(&self, address: u16, raw: u32) -> Result<Option<String>, Failure> {
+    pub async fn write(&self, address: u16, raw: u32) -> Result<Option<String>, CommandFailure> {
         let path = self.path(Some(address));
         let body = json!({ "raw": raw });
         let done = self
-            .ask(Question {
+            .ask(SocketRequest {
                 method: Method::POST,
                 path: &path,
                 body: Some(&body),
@@ -301,10 +313,10 @@ impl Live {
     ///
     /// # Errors
     /// The gateway does not answer: the outcome is unknown.
-    pub async fn commit(&self) -> Result<Option<String>, Failure> {
+    pub async fn commit(&self) -> Result<Option<String>, CommandFailure> {
         let path = format!("{}/commit", self.path(None));
         let done = self
-            .ask(Question {
+            .ask(SocketRequest {
                 method: Method::POST,
                 path: &path,
                 body: None,
@@ -319,16 +331,16 @@ impl Live {
         address.map_or(of.clone(), |address| format!("{of}/{address}"))
     }
 
-    async fn ask(&self, question: Question<'_>) -> Result<Value, Failure> {
+    async fn ask(&self, question: SocketRequest<'_>) -> Result<Value, CommandFailure> {
         let at = self.socket.display();
         match ask(&self.socket, question, PATIENCE).await {
             Ok((StatusCode::OK, answer)) => Ok(answer),
-            Ok((StatusCode::NOT_FOUND, answer)) => Err(Failure::wrong(unknown(&answer))),
-            Ok((_, answer)) => Err(Failure::failed(format!(
+            Ok((StatusCode::NOT_FOUND, answer)) => Err(CommandFailure::wrong(unknown(&answer))),
+            Ok((_, answer)) => Err(CommandFailure::failed(format!(
                 "gateway at {at}: {}",
                 outcome(&answer)
             ))),
-            Err(reason) => Err(Failure::failed(format!("gateway at {at}: {reason}"))),
+            Err(reason) => Err(CommandFailure::failed(format!("gateway at {at}: {reason}"))),
         }
     }
 }

@@ -6,15 +6,15 @@ mod live;
 mod restore;
 mod walk;
 
-use crate::cli::tools::own_gateway::{DriveArgs, Extra, OwnGateway};
+use crate::cli::tools::own_gateway::{DriveArgs, OwnGateway, ToolAccess};
 use crate::cli::tools::setup::table;
-use crate::cli::tools::{Failure, log::complain, print, socket};
+use crate::cli::tools::{CommandFailure, log::complain, print, socket};
 use crate::config;
 use crate::daemon::service::signals::told_to_end;
 use crate::domain::ids::Name;
-use diff::{Difference, differences};
-use file::Dump;
-use live::Live;
+use diff::{ParameterDifference, differences};
+use file::ParameterDump;
+use live::GatewayDrive;
 use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -27,11 +27,11 @@ const POLL: Duration = Duration::from_millis(500);
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(subcommand)]
-    action: Action,
+    action: ParamsAction,
 }
 
 #[derive(Debug, clap::Subcommand)]
-enum Action {
+enum ParamsAction {
     /// Read all parameters of the drive, and write them to a file or print them
     ///
     /// Reads the parameters that its model lists and, where the model has a rule for the addresses of its groups, every
@@ -47,7 +47,7 @@ enum Action {
 }
 
 #[derive(Debug, clap::Args)]
-struct Of {
+struct DriveSelection {
     #[command(flatten)]
     place: socket::SocketArgs,
     /// Use a port directly, without a gateway: a serial port or tcp://HOST:PORT, with --model and --station
@@ -63,7 +63,7 @@ struct DumpArgs {
     #[arg(required_unless_present = "port")]
     drive: Option<String>,
     #[command(flatten)]
-    of: Of,
+    of: DriveSelection,
     /// Write to this file instead of printing; never overwrites a file
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -79,7 +79,7 @@ struct DiffArgs {
     #[arg(long)]
     drive: Option<String>,
     #[command(flatten)]
-    of: Of,
+    of: DriveSelection,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -93,7 +93,7 @@ struct RestoreArgs {
     #[arg(long)]
     drive: Option<String>,
     #[command(flatten)]
-    of: Of,
+    of: DriveSelection,
     /// Only show what would change
     #[arg(long)]
     dry_run: bool,
@@ -106,26 +106,26 @@ struct RestoreArgs {
 }
 
 /// Dumps, compares or restores.
-pub fn params(args: &Args) -> Result<(), Failure> {
+pub fn params(args: &Args) -> Result<(), CommandFailure> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
-        .map_err(Failure::failed)?;
+        .map_err(CommandFailure::failed)?;
     runtime.block_on(async {
-        let told = told_to_end().map_err(Failure::failed)?;
+        let told = told_to_end().map_err(CommandFailure::failed)?;
         tokio::select! {
             done = act(&args.action) => done,
-            () = told => Err(Failure::failed("interrupted before it was done")),
+            () = told => Err(CommandFailure::failed("interrupted before it was done")),
         }
     })
 }
 
-async fn act(action: &Action) -> Result<(), Failure> {
+async fn act(action: &ParamsAction) -> Result<(), CommandFailure> {
     match action {
-        Action::Dump(args) => dump(args).await,
-        Action::Diff(args) => compare(args).await,
-        Action::Restore(args) => {
-            let wanted = Dump::read(&args.file)?;
+        ParamsAction::Dump(args) => dump(args).await,
+        ParamsAction::Diff(args) => compare(args).await,
+        ParamsAction::Restore(args) => {
+            let wanted = ParameterDump::read(&args.file)?;
             let reached = args
                 .of
                 .reach(args.drive.as_deref().or(Some(&wanted.drive)), true)
@@ -143,12 +143,12 @@ async fn act(action: &Action) -> Result<(), Failure> {
 }
 
 /// A reachable drive, and the gateway that was started for that.
-struct Reached {
-    live: Live,
+struct ReachedGateway {
+    live: GatewayDrive,
     own: Option<OwnGateway>,
 }
 
-impl Reached {
+impl ReachedGateway {
     async fn close(self) {
         if let Some(own) = self.own {
             own.close().await;
@@ -156,33 +156,37 @@ impl Reached {
     }
 }
 
-impl Of {
+impl DriveSelection {
     /// The drive called `drive` behind the gateway, or the one that the arguments name on a port.
-    async fn reach(&self, drive: Option<&str>, writes: bool) -> Result<Reached, Failure> {
+    async fn reach(
+        &self,
+        drive: Option<&str>,
+        writes: bool,
+    ) -> Result<ReachedGateway, CommandFailure> {
         if let Some(port) = &self.port {
-            let control = writes.then(Extra::control_at_rest).unwrap_or_default();
+            let control = writes.then(ToolAccess::control_at_rest).unwrap_or_default();
             // The motor is known to be at standstill only while it is polled.
-            let extra = Extra {
+            let extra = ToolAccess {
                 control,
                 poll: Some(POLL),
-                ..Extra::default()
+                ..ToolAccess::default()
             };
             let own = OwnGateway::start(port, &self.on_port, &extra).await?;
-            let live = Live {
+            let live = GatewayDrive {
                 socket: own.socket(),
                 drive: own.drive(),
                 station: Some(own.station()),
             };
-            return Ok(Reached {
+            return Ok(ReachedGateway {
                 live,
                 own: Some(own),
             });
         }
         let name = drive.unwrap_or_default();
         let drive = Name::new(name)
-            .ok_or_else(|| Failure::wrong(format!("`{name}` is not a valid drive name")))?;
-        Ok(Reached {
-            live: Live {
+            .ok_or_else(|| CommandFailure::wrong(format!("`{name}` is not a valid drive name")))?;
+        Ok(ReachedGateway {
+            live: GatewayDrive {
                 socket: self.place.path()?,
                 drive,
                 station: None,
@@ -192,9 +196,9 @@ impl Of {
     }
 }
 
-async fn dump(args: &DumpArgs) -> Result<(), Failure> {
+async fn dump(args: &DumpArgs) -> Result<(), CommandFailure> {
     if let Some(out) = args.out.as_deref().filter(|out| out.exists()) {
-        return Err(Failure::wrong(format!(
+        return Err(CommandFailure::wrong(format!(
             "{} already exists and is not overwritten",
             out.display()
         )));
@@ -211,7 +215,7 @@ async fn dump(args: &DumpArgs) -> Result<(), Failure> {
         complain(format!("could not be read:\n{}", table(rows)).as_bytes());
     }
     if dump.parameters.is_empty() {
-        return Err(Failure::failed("the drive returned no parameter"));
+        return Err(CommandFailure::failed("the drive returned no parameter"));
     }
     let Some(out) = &args.out else {
         return print(&dump.text());
@@ -228,7 +232,7 @@ async fn dump(args: &DumpArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-async fn whole(live: &Live) -> Result<Dump, Failure> {
+async fn whole(live: &GatewayDrive) -> Result<ParameterDump, CommandFailure> {
     let catalogue = live.catalogue().await?;
     let mut dump = live.dump(&catalogue.model, &catalogue.parameters).await?;
     // A drive that shows no parameter is not asked for more.
@@ -245,14 +249,14 @@ async fn whole(live: &Live) -> Result<Dump, Failure> {
     Ok(dump)
 }
 
-async fn compare(args: &DiffArgs) -> Result<(), Failure> {
+async fn compare(args: &DiffArgs) -> Result<(), CommandFailure> {
     let is_live = |path: &Path| path.as_os_str() == "live";
     if is_live(&args.first) {
-        return Err(Failure::wrong(
+        return Err(CommandFailure::wrong(
             "the first is a file; only the second may be `live`",
         ));
     }
-    let first = Dump::read(&args.first)?;
+    let first = ParameterDump::read(&args.first)?;
     let second = if is_live(&args.second) {
         let reached = args
             .of
@@ -262,18 +266,18 @@ async fn compare(args: &DiffArgs) -> Result<(), Failure> {
         reached.close().await;
         dump?
     } else {
-        Dump::read(&args.second)?
+        ParameterDump::read(&args.second)?
     };
     if first.model != second.model {
         let first = &first.model;
         let second = &second.model;
-        return Err(Failure::wrong(format!(
+        return Err(CommandFailure::wrong(format!(
             "the models differ, {first} and {second}: nothing can be compared"
         )));
     }
     let differences = differences(&first, &second);
     if args.json {
-        let all: Vec<_> = differences.iter().map(Difference::json).collect();
+        let all: Vec<_> = differences.iter().map(ParameterDifference::json).collect();
         return print(&format!(
             "{}\n",
             json!({ "model": first.model, "differences": all })
@@ -282,14 +286,14 @@ async fn compare(args: &DiffArgs) -> Result<(), Failure> {
     if differences.is_empty() {
         return print("nothing differs\n");
     }
-    print(&table(differences.iter().map(Difference::row)))
+    print(&table(differences.iter().map(ParameterDifference::row)))
 }
 
-fn write_new(path: &Path, text: &str) -> Result<(), Failure> {
+fn write_new(path: &Path, text: &str) -> Result<(), CommandFailure> {
     let file = std::fs::OpenOptions::new()
         .write(true)
         .create_new(true)
         .open(path);
     let written = file.and_then(|mut file| file.write_all(text.as_bytes()));
-    written.map_err(|error| Failure::failed(format!("{}: {error}", path.display())))
+    written.map_err(|error| CommandFailure::failed(format!("{}: {error}", path.display())))
 }

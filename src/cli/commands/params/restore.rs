@@ -1,12 +1,12 @@
 //! Writing a dump back: the changes are shown first, each value is read back, and the first refusal ends it.
 
-use super::diff::{Change, Plan, plan};
-use super::file::{Dump, LeftOut};
-use super::live::{Catalogue, CommitNeed, ListedParameter, Live};
+use super::diff::{ParameterChange, RestorePlan, plan};
+use super::file::{LeftOut, ParameterDump};
+use super::live::{CommitNeed, GatewayDrive, ListedParameter, ParameterCatalogue};
 use crate::cli::tools::consent::ask_for_consent;
-use crate::cli::tools::progress::Bar;
+use crate::cli::tools::progress::ProgressBar;
 use crate::cli::tools::setup::table;
-use crate::cli::tools::{Failure, print};
+use crate::cli::tools::{CommandFailure, print};
 
 /// The user's options.
 #[derive(Clone, Copy, Debug)]
@@ -24,12 +24,16 @@ pub struct RestoreOptions {
 /// # Errors
 /// The model differs, the user does not agree, or something was refused: then the message says what was written and
 /// what was not.
-pub async fn restore(wanted: &Dump, live: &Live, wish: RestoreOptions) -> Result<(), Failure> {
+pub async fn restore(
+    wanted: &ParameterDump,
+    live: &GatewayDrive,
+    wish: RestoreOptions,
+) -> Result<(), CommandFailure> {
     let catalogue = live.catalogue().await?;
     if catalogue.model != wanted.model {
         let ours = &catalogue.model;
         let theirs = &wanted.model;
-        return Err(Failure::wrong(format!(
+        return Err(CommandFailure::wrong(format!(
             "the dump is of model {theirs}, and {} is {ours}",
             live.drive
         )));
@@ -66,7 +70,7 @@ pub async fn restore(wanted: &Dump, live: &Live, wish: RestoreOptions) -> Result
     }
     if !catalogue.may_be_written {
         let why = "the drive has no `control` section, so that nothing may be written to it from anywhere";
-        return Err(Failure::failed(format!(
+        return Err(CommandFailure::failed(format!(
             "nothing was written: {why}; add one to restore its parameters"
         )));
     }
@@ -77,7 +81,7 @@ pub async fn restore(wanted: &Dump, live: &Live, wish: RestoreOptions) -> Result
 }
 
 /// What a copy made from `wanted` lacks, whatever is written.
-fn not_held(wanted: &Dump, catalogue: &Catalogue) -> String {
+fn not_held(wanted: &ParameterDump, catalogue: &ParameterCatalogue) -> String {
     let is_told = |code: &str| wanted.unreadable.iter().any(|it| it.code == code);
     let unread = catalogue
         .parameters
@@ -116,7 +120,7 @@ fn not_held(wanted: &Dump, catalogue: &Catalogue) -> String {
 }
 
 /// What would change, what is left unchanged, and what it costs.
-fn shown(plan: &Plan, live: &Live, commit: Option<&CommitNeed>) -> String {
+fn shown(plan: &RestorePlan, live: &GatewayDrive, commit: Option<&CommitNeed>) -> String {
     let mut text = String::new();
     if !plan.left.is_empty() {
         let rows = plan
@@ -129,7 +133,7 @@ fn shown(plan: &Plan, live: &Live, commit: Option<&CommitNeed>) -> String {
         text.push_str("nothing has to be written\n");
         return text;
     }
-    let change = |it: &Change| {
+    let change = |it: &ParameterChange| {
         [
             it.new.code.clone(),
             it.new.title.clone(),
@@ -182,9 +186,13 @@ fn announced(commit: &CommitNeed) -> String {
     }
 }
 
-async fn write(writes: &[Change], live: &Live, commit: Option<&CommitNeed>) -> Result<(), Failure> {
+async fn write(
+    writes: &[ParameterChange],
+    live: &GatewayDrive,
+    commit: Option<&CommitNeed>,
+) -> Result<(), CommandFailure> {
     let commit = commit.filter(|commit| commit.is_sent);
-    let mut bar = Bar::new(writes.len());
+    let mut bar = ProgressBar::new(writes.len());
     for (at, change) in writes.iter().enumerate() {
         bar.to(at, &change.new.code);
         let refused = match live.write(change.new.address, change.new.raw).await {
@@ -197,7 +205,7 @@ async fn write(writes: &[Change], live: &Live, commit: Option<&CommitNeed>) -> R
             Some(commit) if at > 0 => lacking(commit),
             _ => "",
         };
-        return Err(Failure::failed(format!(
+        return Err(CommandFailure::failed(format!(
             "{}{without}",
             ended(writes, at, &refused)
         )));
@@ -222,7 +230,7 @@ async fn write(writes: &[Change], live: &Live, commit: Option<&CommitNeed>) -> R
                 writes.len(),
                 lacking(commit)
             );
-            Err(Failure::failed(text))
+            Err(CommandFailure::failed(text))
         }
     }
 }
@@ -237,8 +245,8 @@ const fn lacking(commit: &CommitNeed) -> &'static str {
 }
 
 /// The message for when the write at place `at` was refused.
-fn ended(writes: &[Change], at: usize, refused: &str) -> String {
-    let codes = |of: &[Change]| {
+fn ended(writes: &[ParameterChange], at: usize, refused: &str) -> String {
+    let codes = |of: &[ParameterChange]| {
         of.iter()
             .map(|it| it.new.code.as_str())
             .collect::<Vec<_>>()
@@ -299,7 +307,7 @@ mod tests {
                 text: None,
                 title: String::new(),
             };
-            Change {
+            ParameterChange {
                 old: parameter(0),
                 new: parameter(1),
                 is_stored: true,

@@ -1,6 +1,6 @@
 //! How far a group of parameters is read that the model does not describe: until its end is found, within bounds.
 
-use super::file::{Dump, LeftOut, Parameter};
+use super::file::{LeftOut, Parameter, ParameterDump};
 
 /// Consecutive refused numbers after which the group is taken to have ended before them: groups have gaps.
 const REFUSED_MAX: usize = 16;
@@ -9,7 +9,7 @@ const SILENT_MAX: usize = 3;
 
 /// The outcome of reading a number.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Tried {
+pub enum WalkOutcome {
     /// The drive has it.
     Shown(Parameter),
     /// It answered with an exception.
@@ -20,7 +20,7 @@ pub enum Tried {
 
 /// One group while it is read.
 #[derive(Clone, Debug, Default)]
-pub struct Walk {
+pub struct GroupWalk {
     /// Codes that the drive refused, since it last showed one.
     refused: Vec<String>,
     /// Codes that it did not answer, since it last answered one, and why.
@@ -29,19 +29,19 @@ pub struct Walk {
     is_cut: bool,
 }
 
-impl Walk {
+impl GroupWalk {
     /// Takes the outcome of the next number into `dump`; returns whether the one after it is worth asking for.
-    pub fn goes_on_after(&mut self, tried: Tried, dump: &mut Dump) -> bool {
+    pub fn goes_on_after(&mut self, tried: WalkOutcome, dump: &mut ParameterDump) -> bool {
         match tried {
-            Tried::Shown(parameter) => {
+            WalkOutcome::Shown(parameter) => {
                 self.note(dump);
                 dump.parameters.push(parameter);
             }
-            Tried::Refused(code) => {
+            WalkOutcome::Refused(code) => {
                 self.note_silent(dump);
                 self.refused.push(code);
             }
-            Tried::Silent(code, reason) => {
+            WalkOutcome::Silent(code, reason) => {
                 self.note_refused(dump);
                 self.silent.push((code, reason));
             }
@@ -51,7 +51,7 @@ impl Walk {
     }
 
     /// Ends the group called `name`.
-    pub fn end(mut self, name: &str, dump: &mut Dump) {
+    pub fn end(mut self, name: &str, dump: &mut ParameterDump) {
         let last = self
             .silent
             .last()
@@ -70,12 +70,12 @@ impl Walk {
         }
     }
 
-    fn note(&mut self, dump: &mut Dump) {
+    fn note(&mut self, dump: &mut ParameterDump) {
         self.note_refused(dump);
         self.note_silent(dump);
     }
 
-    fn note_refused(&mut self, dump: &mut Dump) {
+    fn note_refused(&mut self, dump: &mut ParameterDump) {
         let codes = std::mem::take(&mut self.refused);
         dump.left_out.extend(range(&codes).map(|what| LeftOut {
             what,
@@ -83,7 +83,7 @@ impl Walk {
         }));
     }
 
-    fn note_silent(&mut self, dump: &mut Dump) {
+    fn note_silent(&mut self, dump: &mut ParameterDump) {
         let silent = std::mem::take(&mut self.silent);
         let reason = silent
             .last()
@@ -112,9 +112,9 @@ mod tests {
         format!("F{number:02}")
     }
 
-    fn shown(number: usize) -> Tried {
+    fn shown(number: usize) -> WalkOutcome {
         let address = u16::try_from(number).unwrap();
-        Tried::Shown(Parameter {
+        WalkOutcome::Shown(Parameter {
             code: code(number),
             address,
             raw: 7,
@@ -124,9 +124,9 @@ mod tests {
     }
 
     /// The numbers that are requested, and the resulting dump.
-    fn walked(has: impl Fn(usize) -> Tried) -> (usize, Dump) {
-        let mut walk = Walk::default();
-        let mut dump = Dump::default();
+    fn walked(has: impl Fn(usize) -> WalkOutcome) -> (usize, ParameterDump) {
+        let mut walk = GroupWalk::default();
+        let mut dump = ParameterDump::default();
         let asked = (0..100)
             .take_while(|number| walk.goes_on_after(has(*number), &mut dump))
             .count();
@@ -134,7 +134,7 @@ mod tests {
         (asked, dump)
     }
 
-    fn left_out(dump: &Dump) -> Vec<String> {
+    fn left_out(dump: &ParameterDump) -> Vec<String> {
         dump.left_out
             .iter()
             .map(|it| format!("{}: {}", it.what, it.reason))
@@ -145,7 +145,7 @@ mod tests {
     fn a_group_is_read_to_its_end_and_what_is_not_in_it_is_named() {
         let has = |number| {
             if matches!(number, 0 | 5..=9 | 20..) {
-                Tried::Refused(code(number))
+                WalkOutcome::Refused(code(number))
             } else {
                 shown(number)
             }
@@ -168,7 +168,7 @@ mod tests {
 
     #[test]
     fn a_drive_that_does_not_answer_is_not_asked_on_and_on() {
-        let silent = |number| Tried::Silent(code(number), "no answer".to_owned());
+        let silent = |number| WalkOutcome::Silent(code(number), "no answer".to_owned());
         let (asked, dump) = walked(|number| {
             if number == 0 || number > 3 {
                 silent(number)

@@ -1,9 +1,9 @@
 //! The running gateway as `qualify` asks it: over the socket in its data directory.
 
-use super::seen::{State, state_of};
-use crate::cli::tools::Failure;
+use super::seen::{SeenState, state_of};
+use crate::cli::tools::CommandFailure;
 use crate::cli::tools::setup::{outcome, text, unknown};
-use crate::cli::tools::socket::{self, Question, SocketArgs};
+use crate::cli::tools::socket::{self, SocketArgs, SocketRequest};
 use crate::domain::ids::Name;
 use axum::http::{Method, StatusCode};
 use serde_json::{Value, json};
@@ -22,14 +22,14 @@ const STOP_AGAIN: Duration = Duration::from_millis(200);
 
 /// One drive behind the gateway's socket.
 #[derive(Clone, Debug)]
-pub(super) struct Gateway {
+pub(super) struct TrialDrive {
     path: String,
     socket: PathBuf,
 }
 
 /// What became of an order.
 #[derive(Debug)]
-pub(super) enum Sent {
+pub(super) enum OrderOutcome {
     /// The drive acknowledged it.
     Acknowledged,
     /// It was refused before anything was sent, for this reason.
@@ -40,18 +40,18 @@ pub(super) enum Sent {
 
 /// The lease of a motor that runs in a trial, renewed until this is dropped.
 #[derive(Debug)]
-pub(super) struct Held(JoinHandle<()>);
+pub(super) struct HeldLease(JoinHandle<()>);
 
-impl Drop for Held {
+impl Drop for HeldLease {
     fn drop(&mut self) {
         self.0.abort();
     }
 }
 
-impl Gateway {
-    pub fn new(name: &str, place: &SocketArgs) -> Result<Self, Failure> {
+impl TrialDrive {
+    pub fn new(name: &str, place: &SocketArgs) -> Result<Self, CommandFailure> {
         let name = Name::new(name)
-            .ok_or_else(|| Failure::wrong(format!("`{name}` is not a valid drive name")))?;
+            .ok_or_else(|| CommandFailure::wrong(format!("`{name}` is not a valid drive name")))?;
         Ok(Self {
             path: format!("/api/v1/drives/{name}/qualify"),
             socket: place.path()?,
@@ -59,54 +59,58 @@ impl Gateway {
     }
 
     /// Everything about the trials at this drive.
-    pub async fn look(&self) -> Result<Value, Failure> {
-        self.ask(Question::look(&self.path)).await
+    pub async fn look(&self) -> Result<Value, CommandFailure> {
+        self.ask(SocketRequest::get(&self.path)).await
     }
 
     /// What the drive does.
-    pub async fn state(&self) -> Result<State, Failure> {
+    pub async fn state(&self) -> Result<SeenState, CommandFailure> {
         let path = format!("{}/state", self.path);
-        self.ask(Question::look(&path))
+        self.ask(SocketRequest::get(&path))
             .await
             .map(|answer| state_of(&answer))
     }
 
     /// Sends one order of a trial; one that runs names the epoch as it was last seen.
-    pub async fn order(&self, order: &str, epoch: Option<u64>) -> Result<Sent, Failure> {
+    pub async fn order(
+        &self,
+        order: &str,
+        epoch: Option<u64>,
+    ) -> Result<OrderOutcome, CommandFailure> {
         let body = match epoch {
             Some(epoch) => json!({ "order": order, "epoch": epoch }),
             None => json!({ "order": order }),
         };
         let answer = self
-            .ask(Question {
+            .ask(SocketRequest {
                 method: Method::POST,
                 path: &self.path,
                 body: Some(&body),
             })
             .await?;
         Ok(match text(&answer, "outcome") {
-            "acknowledged" | "confirmed" => Sent::Acknowledged,
-            "refused" | "expired" | "superseded" => Sent::Refused(outcome(&answer)),
-            _ => Sent::Failed(outcome(&answer)),
+            "acknowledged" | "confirmed" => OrderOutcome::Acknowledged,
+            "refused" | "expired" | "superseded" => OrderOutcome::Refused(outcome(&answer)),
+            _ => OrderOutcome::Failed(outcome(&answer)),
         })
     }
 
     /// Has the gateway keep a result.
-    pub async fn keep(&self, action: &str, result: &str, by: &str) -> Result<(), Failure> {
+    pub async fn keep(&self, action: &str, result: &str, by: &str) -> Result<(), CommandFailure> {
         let body = json!({ "action": action, "result": result, "by": by });
         self.done("result", &body).await
     }
 
     /// Has the gateway forget all results of this drive.
-    pub async fn forget(&self, by: &str) -> Result<(), Failure> {
+    pub async fn forget(&self, by: &str) -> Result<(), CommandFailure> {
         self.done("forget", &json!({ "by": by })).await
     }
 
     /// Renews the lease from now on, often enough for one that ends after `lost_after`.
-    pub fn hold(&self, lost_after: Duration) -> Held {
+    pub fn hold(&self, lost_after: Duration) -> HeldLease {
         let gateway = self.clone();
         let every = (lost_after / 4).clamp(RENEW.0, RENEW.1);
-        Held(tokio::spawn(async move {
+        HeldLease(tokio::spawn(async move {
             loop {
                 sleep(every).await;
                 // If it fails, the lease ends, and the fail-safe action follows.
@@ -116,12 +120,14 @@ impl Gateway {
     }
 
     /// Stops the motor, with some patience.
-    pub async fn stop_at_last(&self) -> Result<(), Failure> {
-        let mut last = Failure::failed("it was not tried");
+    pub async fn stop_at_last(&self) -> Result<(), CommandFailure> {
+        let mut last = CommandFailure::failed("it was not tried");
         for _ in 0..STOP_TRIES {
             match self.order("stop", None).await {
-                Ok(Sent::Acknowledged) => return Ok(()),
-                Ok(Sent::Refused(why) | Sent::Failed(why)) => last = Failure::failed(why),
+                Ok(OrderOutcome::Acknowledged) => return Ok(()),
+                Ok(OrderOutcome::Refused(why) | OrderOutcome::Failed(why)) => {
+                    last = CommandFailure::failed(why)
+                }
                 Err(failure) => last = failure,
             }
             sleep(STOP_AGAIN).await;
@@ -129,10 +135,10 @@ impl Gateway {
         Err(last)
     }
 
-    async fn done(&self, what: &str, body: &Value) -> Result<(), Failure> {
+    async fn done(&self, what: &str, body: &Value) -> Result<(), CommandFailure> {
         let path = format!("{}/{what}", self.path);
         let answer = self
-            .ask(Question {
+            .ask(SocketRequest {
                 method: Method::POST,
                 path: &path,
                 body: Some(body),
@@ -141,20 +147,20 @@ impl Gateway {
         if answer["outcome"] == "confirmed" {
             Ok(())
         } else {
-            Err(Failure::failed(outcome(&answer)))
+            Err(CommandFailure::failed(outcome(&answer)))
         }
     }
 
-    async fn ask(&self, question: Question<'_>) -> Result<Value, Failure> {
+    async fn ask(&self, question: SocketRequest<'_>) -> Result<Value, CommandFailure> {
         let at = self.socket.display();
         match socket::ask(&self.socket, question, PATIENCE).await {
             Ok((StatusCode::OK, answer)) => Ok(answer),
-            Ok((StatusCode::NOT_FOUND, answer)) => Err(Failure::wrong(unknown(&answer))),
-            Ok((_, answer)) => Err(Failure::failed(format!(
+            Ok((StatusCode::NOT_FOUND, answer)) => Err(CommandFailure::wrong(unknown(&answer))),
+            Ok((_, answer)) => Err(CommandFailure::failed(format!(
                 "gateway at {at}: {}",
                 outcome(&answer)
             ))),
-            Err(reason) => Err(Failure::failed(format!("gateway at {at}: {reason}"))),
+            Err(reason) => Err(CommandFailure::failed(format!("gateway at {at}: {reason}"))),
         }
     }
 }

@@ -9,11 +9,11 @@ mod told;
 
 use crate::cli::tools::setup::text;
 use crate::cli::tools::told_to_stop::told_to_stop;
-use crate::cli::tools::{Failure, print, socket};
-use gateway::Gateway;
-use person::Person;
+use crate::cli::tools::{CommandFailure, print, socket};
+use gateway::TrialDrive;
+use person::TypedLines;
 use serde_json::Value;
-use session::{End, Session};
+use session::{TrialSession, TrialsEnd};
 use std::io::{self, IsTerminal};
 use std::path::PathBuf;
 use std::pin::pin;
@@ -43,12 +43,12 @@ pub struct Args {
 }
 
 /// Makes the trials, or shows, forgets or reports what was found.
-pub fn qualify(args: &Args) -> Result<(), Failure> {
-    let gateway = Gateway::new(&args.drive, &args.place)?;
+pub fn qualify(args: &Args) -> Result<(), CommandFailure> {
+    let gateway = TrialDrive::new(&args.drive, &args.place)?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
-        .map_err(Failure::failed)?;
+        .map_err(CommandFailure::failed)?;
     runtime.block_on(async {
         let look = gateway.look().await?;
         if args.list {
@@ -65,20 +65,20 @@ pub fn qualify(args: &Args) -> Result<(), Failure> {
     })
 }
 
-async fn make(gateway: &Gateway, look: &Value, by: &str) -> Result<(), Failure> {
+async fn make(gateway: &TrialDrive, look: &Value, by: &str) -> Result<(), CommandFailure> {
     may_begin(look)?;
     // Handled before the first frame, so that no signal leaves a running motor behind.
-    let mut told = pin!(told_to_stop().map_err(Failure::failed)?);
+    let mut told = pin!(told_to_stop().map_err(CommandFailure::failed)?);
     print(&told::beginning(look))?;
-    let mut session = Session::new(
+    let mut session = TrialSession::new(
         gateway,
-        Person::listen().map_err(Failure::failed)?,
+        TypedLines::listen().map_err(CommandFailure::failed)?,
         look,
         by,
     );
     let ended = tokio::select! {
         biased;
-        () = &mut told => Err(End::Interrupted),
+        () = &mut told => Err(TrialsEnd::Interrupted),
         ended = session.run() => ended,
     };
     // Whatever has happened: the last word is a stop. A second signal does not prevent it.
@@ -89,67 +89,69 @@ async fn make(gateway: &Gateway, look: &Value, by: &str) -> Result<(), Failure> 
     };
     print(&told::summary(&session.found))?;
     if let Some(Err(failure)) = stopped {
-        return Err(Failure::failed(format!(
+        return Err(CommandFailure::failed(format!(
             "NOT KNOWN TO BE STOPPED, use the hard-wired stop: {failure}"
         )));
     }
     let is_against = session.found.iter().any(|found| found.is_contradicted());
     match ended {
-        Ok(()) if is_against => Err(Failure::failed(
+        Ok(()) if is_against => Err(CommandFailure::failed(
             "something was contradicted; the motor is stopped",
         )),
         Ok(()) => print(
             "what was confirmed counts after `vfd-gateway reload`, or the next start; then remove `qualify`\n",
         ),
-        Err(End::Quit) => Err(Failure::failed("ended by you; the motor is stopped")),
-        Err(End::Interrupted) => Err(Failure::failed("interrupted; the motor is stopped")),
-        Err(End::NoInput) => Err(Failure::failed(
+        Err(TrialsEnd::Quit) => Err(CommandFailure::failed("ended by you; the motor is stopped")),
+        Err(TrialsEnd::Interrupted) => {
+            Err(CommandFailure::failed("interrupted; the motor is stopped"))
+        }
+        Err(TrialsEnd::NoInput) => Err(CommandFailure::failed(
             "nobody answers any more; the motor is stopped",
         )),
-        Err(End::Failed(failure)) => Err(failure),
+        Err(TrialsEnd::Failed(failure)) => Err(failure),
     }
 }
 
 /// Whether trials make sense at this drive, and there is somebody to ask.
-fn may_begin(look: &Value) -> Result<(), Failure> {
+fn may_begin(look: &Value) -> Result<(), CommandFailure> {
     let drive = text(look, "drive");
     if look["actions"].as_array().is_none_or(Vec::is_empty) {
         let model = text(look, "model");
-        return Err(Failure::wrong(format!(
+        return Err(CommandFailure::wrong(format!(
             "{drive}: everything that {model} can do is proven; there is nothing to try"
         )));
     }
     if look["controlled"] != true {
-        return Err(Failure::wrong(format!(
+        return Err(CommandFailure::wrong(format!(
             "{drive} is read-only: trials need a control section with its limits"
         )));
     }
     if look["qualify"] != true {
-        return Err(Failure::wrong(format!(
+        return Err(CommandFailure::wrong(format!(
             "{drive} is not open to trials: set `qualify = true` in its control section, then `vfd-gateway reload`"
         )));
     }
     if let Some(why) = look["not_identified"].as_str() {
-        return Err(Failure::failed(format!(
+        return Err(CommandFailure::failed(format!(
             "{drive}: its identity cannot be read: {why}"
         )));
     }
     if !io::stdin().is_terminal() {
-        return Err(Failure::wrong(
+        return Err(CommandFailure::wrong(
             "a person must answer at the keyboard, and stdin is no terminal: run it in one (`ssh -t`, `docker exec -it`)",
         ));
     }
     Ok(())
 }
 
-async fn forget(args: &Args, gateway: &Gateway, by: &str) -> Result<(), Failure> {
+async fn forget(args: &Args, gateway: &TrialDrive, by: &str) -> Result<(), CommandFailure> {
     if !args.yes {
         if !io::stdin().is_terminal() {
-            return Err(Failure::wrong(
+            return Err(CommandFailure::wrong(
                 "nothing was forgotten: there is no terminal to ask on; add --yes",
             ));
         }
-        let mut person = Person::listen().map_err(Failure::failed)?;
+        let mut person = TypedLines::listen().map_err(CommandFailure::failed)?;
         let answer = person
             .ask(&format!(
                 "forget all that was found at {}? [y/N] ",
@@ -157,7 +159,7 @@ async fn forget(args: &Args, gateway: &Gateway, by: &str) -> Result<(), Failure>
             ))
             .await?;
         if !answer.is_some_and(|answer| person::is_yes(&answer)) {
-            return Err(Failure::failed("nothing was forgotten"));
+            return Err(CommandFailure::failed("nothing was forgotten"));
         }
     }
     gateway.forget(by).await?;

@@ -1,6 +1,6 @@
 //! The person at the keyboard, who is asked while the motor is watched.
 
-use crate::cli::tools::{Failure, print};
+use crate::cli::tools::{CommandFailure, print};
 use std::io::{self, BufRead, Write};
 use tokio::sync::mpsc::{Receiver, channel};
 
@@ -9,11 +9,11 @@ const LINES_MAX: usize = 16;
 
 /// Lines as they are typed.
 #[derive(Debug)]
-pub(super) struct Person {
+pub(super) struct TypedLines {
     lines: Receiver<String>,
 }
 
-impl Person {
+impl TypedLines {
     /// Listens on stdin from now on. The thread exits with stdin or with the program.
     pub fn listen() -> io::Result<Self> {
         let (give, lines) = channel(LINES_MAX);
@@ -31,10 +31,10 @@ impl Person {
     }
 
     /// The answer to `question`; `None` at the end of the input. What was typed before it was asked is no answer.
-    pub async fn ask(&mut self, question: &str) -> Result<Option<String>, Failure> {
+    pub async fn ask(&mut self, question: &str) -> Result<Option<String>, CommandFailure> {
         while self.lines.try_recv().is_ok() {}
         print(question)?;
-        io::stdout().flush().map_err(Failure::failed)?;
+        io::stdout().flush().map_err(CommandFailure::failed)?;
         Ok(self.lines.recv().await)
     }
 }

@@ -1,15 +1,16 @@
 //! The report that the owner of a drive may send to the project: what was found, and nothing that tells where.
 
 use super::told::actions;
-use crate::cli::tools::{Failure, print};
+use crate::cli::tools::{CommandFailure, print};
 use serde_json::{Value, json};
 use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::Path;
 
 /// Writes the report of the drive in the document `look` to a new `file`.
-pub(super) fn write(file: &Path, look: &Value) -> Result<(), Failure> {
-    let told = |error: std::io::Error| Failure::failed(format!("{}: {error}", file.display()));
+pub(super) fn write(file: &Path, look: &Value) -> Result<(), CommandFailure> {
+    let told =
+        |error: std::io::Error| CommandFailure::failed(format!("{}: {error}", file.display()));
     let mut new = OpenOptions::new()
         .write(true)
         .create_new(true)

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 /// What the drive does, as it was last polled.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct State {
+pub(super) struct SeenState {
     /// The word of its run state.
     pub run_state: String,
     /// Its output frequency.
@@ -21,8 +21,8 @@ pub(super) struct State {
 }
 
 /// The state in `answer`; what is missing is not known, because another version may send less.
-pub(super) fn state_of(answer: &Value) -> State {
-    State {
+pub(super) fn state_of(answer: &Value) -> SeenState {
+    SeenState {
         run_state: answer["run_state"].as_str().unwrap_or("unknown").to_owned(),
         output_hz: answer["output_hz"].as_f64(),
         age: answer["age_ms"].as_u64().map(Duration::from_millis),
@@ -34,7 +34,7 @@ pub(super) fn state_of(answer: &Value) -> State {
 
 /// What should be seen.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Expected {
+pub(super) enum ExpectedState {
     /// The motor stands still, and has not moved.
     StaysAtRest,
     /// The motor comes to rest.
@@ -49,7 +49,7 @@ pub(super) enum Expected {
 
 /// How a state compares with it.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Compared {
+pub(super) enum ComparedState {
     /// It shows it.
     Seen,
     /// It may still come.
@@ -59,56 +59,65 @@ pub(super) enum Compared {
 }
 
 /// Compares `state` with what should be seen. A reading from before the order, `since` when that was sent, shows nothing.
-pub(super) fn compare(expected: Expected, state: &State, since: Duration) -> Compared {
+pub(super) fn compare(
+    expected: ExpectedState,
+    state: &SeenState,
+    since: Duration,
+) -> ComparedState {
     if state.run_state == "offline" {
-        return Compared::Against("the drive does not answer any more".to_owned());
+        return ComparedState::Against("the drive does not answer any more".to_owned());
     }
     let is_new = state.age.is_some_and(|age| age < since);
     if !is_new {
-        return Compared::NotYet;
+        return ComparedState::NotYet;
     }
     let is_tripped = state.tripped == Some(true) || state.run_state == "tripped";
-    if is_tripped && expected != Expected::TripIsGone && expected != Expected::StaysAtRest {
-        return Compared::Against("the drive has tripped".to_owned());
+    if is_tripped && expected != ExpectedState::TripIsGone && expected != ExpectedState::StaysAtRest
+    {
+        return ComparedState::Against("the drive has tripped".to_owned());
     }
     let moves = ["forward", "reverse", "running", "stopping"].contains(&state.run_state.as_str());
     let has_output = state.output_hz.is_some_and(|hertz| hertz.abs() > 0.0);
     let at_rest =
         !moves && !has_output && ["stopped", "tripped"].contains(&state.run_state.as_str());
     match expected {
-        Expected::StaysAtRest if moves || has_output => {
-            Compared::Against(format!("the motor moves: {}", said(state)))
+        ExpectedState::StaysAtRest if moves || has_output => {
+            ComparedState::Against(format!("the motor moves: {}", said(state)))
         }
-        Expected::StaysAtRest | Expected::ComesToRest => seen_if(at_rest),
-        Expected::Runs(direction, hertz) => runs(direction, hertz, state),
-        Expected::TripIsGone if moves || has_output => {
-            Compared::Against(format!("the motor moves: {}", said(state)))
+        ExpectedState::StaysAtRest | ExpectedState::ComesToRest => seen_if(at_rest),
+        ExpectedState::Runs(direction, hertz) => runs(direction, hertz, state),
+        ExpectedState::TripIsGone if moves || has_output => {
+            ComparedState::Against(format!("the motor moves: {}", said(state)))
         }
-        Expected::TripIsGone => seen_if(!is_tripped && state.tripped == Some(false)),
-        Expected::ObeysPanel if moves || has_output => {
-            Compared::Against(format!("the motor moves: {}", said(state)))
+        ExpectedState::TripIsGone => seen_if(!is_tripped && state.tripped == Some(false)),
+        ExpectedState::ObeysPanel if moves || has_output => {
+            ComparedState::Against(format!("the motor moves: {}", said(state)))
         }
-        Expected::ObeysPanel => seen_if(state.local != Some(false)),
+        ExpectedState::ObeysPanel => seen_if(state.local != Some(false)),
     }
 }
 
-fn seen_if(it: bool) -> Compared {
-    if it { Compared::Seen } else { Compared::NotYet }
+fn seen_if(it: bool) -> ComparedState {
+    if it {
+        ComparedState::Seen
+    } else {
+        ComparedState::NotYet
+    }
 }
 
 /// Half of the frequency is enough: some drives show it with little resolution, and slip is subtracted by others.
-fn runs(direction: &str, hertz: f64, state: &State) -> Compared {
+fn runs(direction: &str, hertz: f64, state: &SeenState) -> ComparedState {
     let other = if direction == "forward" {
         "reverse"
     } else {
         "forward"
     };
     if state.run_state == other {
-        return Compared::Against(format!("the motor turns the other way: {}", said(state)));
+        return ComparedState::Against(format!("the motor turns the other way: {}", said(state)));
     }
     let output = state.output_hz.map_or(0.0, f64::abs);
     if output > hertz * 1.5 + 1.0 {
-        return Compared::Against(format!(
+        return ComparedState::Against(format!(
             "the output is much higher than ordered: {}",
             said(state)
         ));
@@ -118,7 +127,7 @@ fn runs(direction: &str, hertz: f64, state: &State) -> Compared {
 }
 
 /// What the drive does, in words.
-pub(super) fn said(state: &State) -> String {
+pub(super) fn said(state: &SeenState) -> String {
     let output = state.output_hz.map_or_else(
         || "output not known".to_owned(),
         |hertz| format!("output {hertz:.2} Hz"),
@@ -132,15 +141,15 @@ mod tests {
     use serde_json::json;
 
     const SINCE: Duration = Duration::from_secs(2);
-    const FORWARD: Expected = Expected::Runs("forward", 5.0);
+    const FORWARD: ExpectedState = ExpectedState::Runs("forward", 5.0);
 
-    fn state(run_state: &str, output_hz: f64) -> State {
+    fn state(run_state: &str, output_hz: f64) -> SeenState {
         let age = Some(Duration::from_millis(300));
-        State {
+        SeenState {
             run_state: run_state.to_owned(),
             output_hz: Some(output_hz),
             age,
-            ..State::default()
+            ..SeenState::default()
         }
     }
 
@@ -148,19 +157,19 @@ mod tests {
     fn a_run_is_seen_in_its_direction_at_its_frequency() {
         assert_eq!(
             compare(FORWARD, &state("stopped", 0.0), SINCE),
-            Compared::NotYet
+            ComparedState::NotYet
         );
         assert_eq!(
             compare(FORWARD, &state("forward", 1.0), SINCE),
-            Compared::NotYet
+            ComparedState::NotYet
         );
         assert_eq!(
             compare(FORWARD, &state("forward", 4.9), SINCE),
-            Compared::Seen
+            ComparedState::Seen
         );
         assert_eq!(
             compare(FORWARD, &state("running", -4.9), SINCE),
-            Compared::Seen,
+            ComparedState::Seen,
             "the direction is not shown"
         );
         for against in [
@@ -170,7 +179,7 @@ mod tests {
             state("offline", 0.0),
         ] {
             assert!(
-                matches!(compare(FORWARD, &against, SINCE), Compared::Against(_)),
+                matches!(compare(FORWARD, &against, SINCE), ComparedState::Against(_)),
                 "{against:?}"
             );
         }
@@ -178,15 +187,19 @@ mod tests {
 
     #[test]
     fn a_reading_from_before_the_order_shows_nothing() {
-        let old = State {
+        let old = SeenState {
             age: Some(SINCE),
             ..state("stopped", 0.0)
         };
-        for expected in [Expected::StaysAtRest, Expected::ComesToRest, FORWARD] {
-            assert_eq!(compare(expected, &old, SINCE), Compared::NotYet);
+        for expected in [
+            ExpectedState::StaysAtRest,
+            ExpectedState::ComesToRest,
+            FORWARD,
+        ] {
+            assert_eq!(compare(expected, &old, SINCE), ComparedState::NotYet);
             assert_eq!(
-                compare(expected, &State::default(), SINCE),
-                Compared::NotYet
+                compare(expected, &SeenState::default(), SINCE),
+                ComparedState::NotYet
             );
         }
     }
@@ -195,66 +208,69 @@ mod tests {
     fn at_rest_nothing_may_move_and_after_a_run_it_may_take_its_time() {
         let turning = state("stopping", 2.0);
         assert!(matches!(
-            compare(Expected::StaysAtRest, &turning, SINCE),
-            Compared::Against(_)
+            compare(ExpectedState::StaysAtRest, &turning, SINCE),
+            ComparedState::Against(_)
         ));
         assert!(matches!(
-            compare(Expected::StaysAtRest, &state("stopped", 0.1), SINCE),
-            Compared::Against(_)
+            compare(ExpectedState::StaysAtRest, &state("stopped", 0.1), SINCE),
+            ComparedState::Against(_)
         ));
         assert_eq!(
-            compare(Expected::ComesToRest, &turning, SINCE),
-            Compared::NotYet
+            compare(ExpectedState::ComesToRest, &turning, SINCE),
+            ComparedState::NotYet
         );
-        for expected in [Expected::StaysAtRest, Expected::ComesToRest] {
+        for expected in [ExpectedState::StaysAtRest, ExpectedState::ComesToRest] {
             assert_eq!(
                 compare(expected, &state("stopped", 0.0), SINCE),
-                Compared::Seen
+                ComparedState::Seen
             );
             assert_eq!(
                 compare(expected, &state("unknown", 0.0), SINCE),
-                Compared::NotYet
+                ComparedState::NotYet
             );
         }
     }
 
     #[test]
     fn a_trip_is_gone_and_a_release_is_seen_while_nothing_moves() {
-        let tripped = State {
+        let tripped = SeenState {
             tripped: Some(true),
             ..state("tripped", 0.0)
         };
         assert_eq!(
-            compare(Expected::TripIsGone, &tripped, SINCE),
-            Compared::NotYet
+            compare(ExpectedState::TripIsGone, &tripped, SINCE),
+            ComparedState::NotYet
         );
-        let reset = State {
+        let reset = SeenState {
             tripped: Some(false),
             ..state("stopped", 0.0)
         };
-        assert_eq!(compare(Expected::TripIsGone, &reset, SINCE), Compared::Seen);
+        assert_eq!(
+            compare(ExpectedState::TripIsGone, &reset, SINCE),
+            ComparedState::Seen
+        );
         assert!(matches!(
-            compare(Expected::TripIsGone, &state("forward", 3.0), SINCE),
-            Compared::Against(_)
+            compare(ExpectedState::TripIsGone, &state("forward", 3.0), SINCE),
+            ComparedState::Against(_)
         ));
-        let on_bus = State {
+        let on_bus = SeenState {
             local: Some(false),
             ..state("stopped", 0.0)
         };
         assert_eq!(
-            compare(Expected::ObeysPanel, &on_bus, SINCE),
-            Compared::NotYet
+            compare(ExpectedState::ObeysPanel, &on_bus, SINCE),
+            ComparedState::NotYet
         );
         assert_eq!(
-            compare(Expected::ObeysPanel, &state("stopped", 0.0), SINCE),
-            Compared::Seen
+            compare(ExpectedState::ObeysPanel, &state("stopped", 0.0), SINCE),
+            ComparedState::Seen
         );
     }
 
     #[test]
     fn a_state_that_lacks_something_is_not_known() {
         let answer = json!({ "run_state": "stopped", "output_hz": 0, "age_ms": 20, "tripped": null, "epoch": 4 });
-        let expected = State {
+        let expected = SeenState {
             age: Some(Duration::from_millis(20)),
             epoch: Some(4),
             ..state("stopped", 0.0)

@@ -1,12 +1,12 @@
 //! The trials in their order: each is described, confirmed at the keyboard, sent, compared with what is read, and ends
 //! in a stop. Whatever is not as expected is answered by a stop at once.
 
-use super::gateway::{Gateway, Held, Sent};
-use super::person::{Person, is_skip, is_yes};
-use super::seen::{Compared, Expected, State, compare, said};
+use super::gateway::{HeldLease, OrderOutcome, TrialDrive};
+use super::person::{TypedLines, is_skip, is_yes};
+use super::seen::{ComparedState, ExpectedState, SeenState, compare, said};
 use super::told;
-use crate::cli::tools::{Failure, print};
-use crate::config::qualified::Finding;
+use crate::cli::tools::{CommandFailure, print};
+use crate::config::qualified::TrialFinding;
 use crate::daemon::host::clock;
 use serde_json::Value;
 use std::time::Duration;
@@ -21,7 +21,7 @@ const RESTS_WITHIN: Duration = Duration::from_secs(120);
 
 /// Why the trials end early.
 #[derive(Debug)]
-pub(super) enum End {
+pub(super) enum TrialsEnd {
     /// The person does not want to go on.
     Quit,
     /// A signal.
@@ -29,55 +29,60 @@ pub(super) enum End {
     /// The keyboard is gone.
     NoInput,
     /// The gateway does not answer, or keeps no result.
-    Failed(Failure),
+    Failed(CommandFailure),
 }
 
-impl From<Failure> for End {
-    fn from(failure: Failure) -> Self {
+impl From<CommandFailure> for TrialsEnd {
+    fn from(failure: CommandFailure) -> Self {
         Self::Failed(failure)
     }
 }
 
 /// What came of one action.
 #[derive(Debug)]
-pub(super) struct Found {
+pub(super) struct ActionResult {
     /// The action's word.
     pub action: &'static str,
     /// The result.
-    pub result: Finding,
+    pub result: TrialFinding,
     /// Why, in words.
     pub why: String,
 }
 
-impl Found {
+impl ActionResult {
     /// Whether the drive did something else.
     pub fn is_contradicted(&self) -> bool {
-        self.result == Finding::Contradicted
+        self.result == TrialFinding::Contradicted
     }
 }
 
 /// What came of one step.
-type Step = (Finding, String);
+type Step = (TrialFinding, String);
 
 /// A step that went as expected.
 fn confirmed() -> Step {
-    (Finding::Confirmed, String::new())
+    (TrialFinding::Confirmed, String::new())
 }
 
 /// The trials at one drive.
-pub(super) struct Session<'a> {
-    gateway: &'a Gateway,
-    person: Person,
+pub(super) struct TrialSession<'a> {
+    gateway: &'a TrialDrive,
+    person: TypedLines,
     look: &'a Value,
     by: &'a str,
     /// The results so far.
-    pub found: Vec<Found>,
+    pub found: Vec<ActionResult>,
     /// Whether anything was sent, so that a stop has to be the last word.
     pub has_sent: bool,
 }
 
-impl<'a> Session<'a> {
-    pub const fn new(gateway: &'a Gateway, person: Person, look: &'a Value, by: &'a str) -> Self {
+impl<'a> TrialSession<'a> {
+    pub const fn new(
+        gateway: &'a TrialDrive,
+        person: TypedLines,
+        look: &'a Value,
+        by: &'a str,
+    ) -> Self {
         Self {
             gateway,
             person,
@@ -89,19 +94,19 @@ impl<'a> Session<'a> {
     }
 
     /// Makes all trials.
-    pub async fn run(&mut self) -> Result<(), End> {
+    pub async fn run(&mut self) -> Result<(), TrialsEnd> {
         let state = self.gateway.state().await?;
         if !matches!(state.run_state.as_str(), "stopped" | "tripped") {
             let what = format!(
                 "the motor must stand still before the trials: {}",
                 said(&state)
             );
-            return Err(End::Failed(Failure::failed(what)));
+            return Err(TrialsEnd::Failed(CommandFailure::failed(what)));
         }
         // A trip is reset first: nothing else can be tried before.
         let is_tripped = state.tripped == Some(true);
         let at_rest = self.stop_at_rest().await?;
-        if at_rest.0 != Finding::Confirmed {
+        if at_rest.0 != TrialFinding::Confirmed {
             return self.keep("basic", at_rest).await;
         }
         if self.is_unproven("reset") && is_tripped && self.is_basic_sure() {
@@ -142,7 +147,7 @@ impl<'a> Session<'a> {
         self.look["setpoint_hz"].as_f64().unwrap_or_default()
     }
 
-    async fn stop_at_rest(&mut self) -> Result<Step, End> {
+    async fn stop_at_rest(&mut self) -> Result<Step, TrialsEnd> {
         if !self
             .agrees(
                 "1. stop, at standstill",
@@ -154,7 +159,7 @@ impl<'a> Session<'a> {
             return Ok(skipped());
         }
         let seen = self
-            .order("stop", Expected::StaysAtRest, RUNS_WITHIN)
+            .order("stop", ExpectedState::StaysAtRest, RUNS_WITHIN)
             .await?;
         self.asked(
             seen,
@@ -165,10 +170,10 @@ impl<'a> Session<'a> {
     }
 
     /// Forward, then the stop of a motor that runs. Returns whether both are confirmed.
-    async fn basic(&mut self) -> Result<bool, End> {
+    async fn basic(&mut self) -> Result<bool, TrialsEnd> {
         if self.look["may_go_forward"] == false {
             let why = "`directions` does not allow forward".to_owned();
-            self.keep("basic", (Finding::Skipped, why)).await?;
+            self.keep("basic", (TrialFinding::Skipped, why)).await?;
             return Ok(false);
         }
         let hertz = self.setpoint();
@@ -191,7 +196,7 @@ impl<'a> Session<'a> {
                 "does the panel show forward, at about that frequency?",
             )
             .await?;
-        if ran.0 != Finding::Confirmed {
+        if ran.0 != TrialFinding::Confirmed {
             self.keep("basic", ran).await?;
             return Ok(false);
         }
@@ -203,7 +208,7 @@ impl<'a> Session<'a> {
             )
             .await?;
         let seen = self
-            .order("stop", Expected::ComesToRest, RESTS_WITHIN)
+            .order("stop", ExpectedState::ComesToRest, RESTS_WITHIN)
             .await?;
         drop(held);
         let stopped = match (goes_on, seen) {
@@ -214,15 +219,15 @@ impl<'a> Session<'a> {
             (false, Ok(())) => skipped(),
             (false, Err(step)) => step,
         };
-        let is_confirmed = stopped.0 == Finding::Confirmed;
+        let is_confirmed = stopped.0 == TrialFinding::Confirmed;
         self.keep("basic", stopped).await?;
         Ok(is_confirmed)
     }
 
-    async fn reverse(&mut self) -> Result<(), End> {
+    async fn reverse(&mut self) -> Result<(), TrialsEnd> {
         if self.look["may_reverse"] != true {
             let why = "`directions` does not allow reverse".to_owned();
-            return self.keep("reverse", (Finding::Skipped, why)).await;
+            return self.keep("reverse", (TrialFinding::Skipped, why)).await;
         }
         let expected = format!(
             "the motor turns in reverse, at about {:.2} Hz, until the stop after it",
@@ -239,13 +244,13 @@ impl<'a> Session<'a> {
             )
             .await?;
         let seen = self
-            .order("stop", Expected::ComesToRest, RESTS_WITHIN)
+            .order("stop", ExpectedState::ComesToRest, RESTS_WITHIN)
             .await?;
         drop(held);
         self.keep("reverse", both(ran, seen)).await
     }
 
-    async fn coast(&mut self) -> Result<(), End> {
+    async fn coast(&mut self) -> Result<(), TrialsEnd> {
         if self.look["orders"]["coast"].is_null() || self.look["may_go_forward"] == false {
             return self.keep("coast", skipped()).await;
         }
@@ -257,13 +262,13 @@ impl<'a> Session<'a> {
             return self.keep("coast", skipped()).await;
         }
         let held = self.hold();
-        let direction = Expected::Runs("forward", self.setpoint());
+        let direction = ExpectedState::Runs("forward", self.setpoint());
         let ran = self.order("forward", direction, RUNS_WITHIN).await?;
         let step = match ran {
             Err(step) => step,
             Ok(()) => {
                 let seen = self
-                    .order("coast", Expected::ComesToRest, RESTS_WITHIN)
+                    .order("coast", ExpectedState::ComesToRest, RESTS_WITHIN)
                     .await?;
                 drop(held);
                 self.asked(seen, "was the output off at once, without a ramp?", None)
@@ -271,23 +276,23 @@ impl<'a> Session<'a> {
             }
         };
         let seen = self
-            .order("stop", Expected::ComesToRest, RESTS_WITHIN)
+            .order("stop", ExpectedState::ComesToRest, RESTS_WITHIN)
             .await?;
         self.keep("coast", both(step, seen)).await
     }
 
-    async fn reset_if_tripped(&mut self) -> Result<(), End> {
+    async fn reset_if_tripped(&mut self) -> Result<(), TrialsEnd> {
         if self.gateway.state().await?.tripped == Some(true) {
             return self.reset().await;
         }
         self.keep(
             "reset",
-            (Finding::Skipped, "the drive is not tripped".to_owned()),
+            (TrialFinding::Skipped, "the drive is not tripped".to_owned()),
         )
         .await
     }
 
-    async fn reset(&mut self) -> Result<(), End> {
+    async fn reset(&mut self) -> Result<(), TrialsEnd> {
         if !self
             .agrees(
                 "reset of the trip",
@@ -299,7 +304,7 @@ impl<'a> Session<'a> {
             return self.keep("reset", skipped()).await;
         }
         let seen = self
-            .order("reset", Expected::TripIsGone, RUNS_WITHIN)
+            .order("reset", ExpectedState::TripIsGone, RUNS_WITHIN)
             .await?;
         let step = self
             .asked(
@@ -309,17 +314,20 @@ impl<'a> Session<'a> {
             )
             .await?;
         let seen = self
-            .order("stop", Expected::ComesToRest, RESTS_WITHIN)
+            .order("stop", ExpectedState::ComesToRest, RESTS_WITHIN)
             .await?;
         self.keep("reset", both(step, seen)).await
     }
 
-    async fn release(&mut self) -> Result<(), End> {
+    async fn release(&mut self) -> Result<(), TrialsEnd> {
         if self.look["may_release"] != true {
             return self
                 .keep(
                     "release",
-                    (Finding::Skipped, "`allow_release` is not true".to_owned()),
+                    (
+                        TrialFinding::Skipped,
+                        "`allow_release` is not true".to_owned(),
+                    ),
                 )
                 .await;
         }
@@ -329,7 +337,7 @@ impl<'a> Session<'a> {
             return self.keep("release", skipped()).await;
         }
         let seen = self
-            .order("release", Expected::ObeysPanel, RUNS_WITHIN)
+            .order("release", ExpectedState::ObeysPanel, RUNS_WITHIN)
             .await?;
         let step = self
             .asked(
@@ -339,25 +347,30 @@ impl<'a> Session<'a> {
             )
             .await?;
         let seen = self
-            .order("stop", Expected::ComesToRest, RESTS_WITHIN)
+            .order("stop", ExpectedState::ComesToRest, RESTS_WITHIN)
             .await?;
         self.keep("release", both(step, seen)).await
     }
 
     /// Tells a trial, and asks whether to send it. `false`: it is left out.
-    async fn agrees(&mut self, title: &str, orders: &[&str], expected: &str) -> Result<bool, End> {
+    async fn agrees(
+        &mut self,
+        title: &str,
+        orders: &[&str],
+        expected: &str,
+    ) -> Result<bool, TrialsEnd> {
         print(&told::trial(self.look, title, orders, expected))?;
         match self.person.ask("send it? [y/N/skip] ").await? {
-            None => Err(End::NoInput),
+            None => Err(TrialsEnd::NoInput),
             Some(answer) if is_yes(&answer) => Ok(true),
             Some(answer) if is_skip(&answer) => Ok(false),
-            Some(_) => Err(End::Quit),
+            Some(_) => Err(TrialsEnd::Quit),
         }
     }
 
     /// Runs the motor, and asks what the panel shows while it is watched. It runs on if all is as expected.
-    async fn runs(&mut self, direction: &'static str, question: &str) -> Result<Step, End> {
-        let expected = Expected::Runs(direction, self.setpoint());
+    async fn runs(&mut self, direction: &'static str, question: &str) -> Result<Step, TrialsEnd> {
+        let expected = ExpectedState::Runs(direction, self.setpoint());
         let seen = self.order(direction, expected, RUNS_WITHIN).await?;
         self.asked(seen, question, Some(expected)).await
     }
@@ -366,42 +379,44 @@ impl<'a> Session<'a> {
     async fn order(
         &mut self,
         order: &str,
-        expected: Expected,
+        expected: ExpectedState,
         within: Duration,
-    ) -> Result<Result<(), Step>, End> {
+    ) -> Result<Result<(), Step>, TrialsEnd> {
         let epoch = match expected {
-            Expected::Runs(..) => self.gateway.state().await?.epoch,
+            ExpectedState::Runs(..) => self.gateway.state().await?.epoch,
             _ => None,
         };
         self.has_sent = true;
         let sent = clock::now();
         match self.gateway.order(order, epoch).await? {
-            Sent::Acknowledged => {}
-            Sent::Refused(why) => {
+            OrderOutcome::Acknowledged => {}
+            OrderOutcome::Refused(why) => {
                 return Ok(Err((
-                    Finding::Skipped,
+                    TrialFinding::Skipped,
                     format!("{order} was not sent: {why}"),
                 )));
             }
-            Sent::Failed(why) => return self.against(format!("{order}: {why}")).await.map(Err),
+            OrderOutcome::Failed(why) => {
+                return self.against(format!("{order}: {why}")).await.map(Err);
+            }
         }
         loop {
             let state = self.gateway.state().await?;
             match compare(expected, &state, clock::now().since(sent)) {
-                Compared::Seen => {
+                ComparedState::Seen => {
                     print(&format!("  read:     {}\n", said(&state)))?;
                     return Ok(Ok(()));
                 }
-                Compared::Against(why) => return self.against(why).await.map(Err),
-                Compared::NotYet if clock::now().since(sent) > within => {
+                ComparedState::Against(why) => return self.against(why).await.map(Err),
+                ComparedState::NotYet if clock::now().since(sent) > within => {
                     return self.late(&state, within).await.map(Err);
                 }
-                Compared::NotYet => sleep(LOOK_EVERY).await,
+                ComparedState::NotYet => sleep(LOOK_EVERY).await,
             }
         }
     }
 
-    async fn late(&mut self, state: &State, within: Duration) -> Result<Step, End> {
+    async fn late(&mut self, state: &SeenState, within: Duration) -> Result<Step, TrialsEnd> {
         self.against(format!(
             "not seen within {} s: {}",
             within.as_secs(),
@@ -411,10 +426,10 @@ impl<'a> Session<'a> {
     }
 
     /// Stops the motor at once.
-    async fn against(&mut self, why: String) -> Result<Step, End> {
+    async fn against(&mut self, why: String) -> Result<Step, TrialsEnd> {
         self.gateway.stop_at_last().await?;
         print(&format!("  NOT AS EXPECTED, a stop was sent: {why}\n"))?;
-        Ok((Finding::Contradicted, why))
+        Ok((TrialFinding::Contradicted, why))
     }
 
     /// Asks what the panel shows, if the drive itself showed what was expected. Meanwhile it must go on to show `stays`.
@@ -422,8 +437,8 @@ impl<'a> Session<'a> {
         &mut self,
         seen: Result<(), Step>,
         question: &str,
-        stays: Option<Expected>,
-    ) -> Result<Step, End> {
+        stays: Option<ExpectedState>,
+    ) -> Result<Step, TrialsEnd> {
         if let Err(step) = seen {
             return Ok(step);
         }
@@ -437,7 +452,7 @@ impl<'a> Session<'a> {
             }
         };
         match answer {
-            None => Err(End::NoInput),
+            None => Err(TrialsEnd::NoInput),
             Some(answer) if is_yes(&answer) => Ok(confirmed()),
             Some(answer) if is_skip(&answer) => {
                 self.gateway.stop_at_last().await?;
@@ -448,29 +463,29 @@ impl<'a> Session<'a> {
     }
 
     /// Renews the lease of a motor that is about to run.
-    fn hold(&self) -> Held {
+    fn hold(&self) -> HeldLease {
         self.gateway.hold(Duration::from_millis(
             self.look["lost_after_ms"].as_u64().unwrap_or_default(),
         ))
     }
 
     /// Has the gateway keep what came of `action`.
-    async fn keep(&mut self, action: &'static str, (result, why): Step) -> Result<(), End> {
+    async fn keep(&mut self, action: &'static str, (result, why): Step) -> Result<(), TrialsEnd> {
         if !self.is_unproven(action) {
             return Ok(());
         }
-        print(&format!("  {action}: {}\n", result.word()))?;
-        self.found.push(Found {
+        print(&format!("  {action}: {}\n", result.keyword()))?;
+        self.found.push(ActionResult {
             action,
             result,
             why,
         });
-        Ok(self.gateway.keep(action, result.word(), self.by).await?)
+        Ok(self.gateway.keep(action, result.keyword(), self.by).await?)
     }
 }
 
 /// Waits until the drive no longer shows what it should go on to show; for ever, if that is nothing.
-async fn leaves(gateway: &Gateway, stays: Option<Expected>) -> Result<String, End> {
+async fn leaves(gateway: &TrialDrive, stays: Option<ExpectedState>) -> Result<String, TrialsEnd> {
     let Some(expected) = stays else {
         return std::future::pending().await;
     };
@@ -479,9 +494,9 @@ async fn leaves(gateway: &Gateway, stays: Option<Expected>) -> Result<String, En
         let state = gateway.state().await?;
         // It was seen before, so every reading is one of this run.
         match compare(expected, &state, Duration::MAX) {
-            Compared::Seen => {}
-            Compared::Against(why) => return Ok(why),
-            Compared::NotYet => {
+            ComparedState::Seen => {}
+            ComparedState::Against(why) => return Ok(why),
+            ComparedState::NotYet => {
                 return Ok(format!(
                     "the drive does not go on as ordered: {}",
                     said(&state)
@@ -492,13 +507,15 @@ async fn leaves(gateway: &Gateway, stays: Option<Expected>) -> Result<String, En
 }
 
 fn skipped() -> Step {
-    (Finding::Skipped, "left out".to_owned())
+    (TrialFinding::Skipped, "left out".to_owned())
 }
 
 /// A trial and the stop after it: the stop that fails counts more than the trial.
 fn both(step: Step, stop: Result<(), Step>) -> Step {
     match stop {
-        Err(stop) if stop.0 == Finding::Contradicted || step.0 == Finding::Confirmed => stop,
+        Err(stop) if stop.0 == TrialFinding::Contradicted || step.0 == TrialFinding::Confirmed => {
+            stop
+        }
         _ => step,
     }
 }

@@ -1,6 +1,6 @@
 //! The texts of `qualify` for people: the list, the beginning, an order before it is sent, and the summary.
 
-use super::session::Found;
+use super::session::ActionResult;
 use crate::cli::tools::setup::{table, text};
 use serde_json::Value;
 use std::fmt::Write;
@@ -105,11 +105,11 @@ pub(super) fn trial(look: &Value, title: &str, orders: &[&str], expected: &str) 
 }
 
 /// What came of all of it.
-pub(super) fn summary(found: &[Found]) -> String {
+pub(super) fn summary(found: &[ActionResult]) -> String {
     let rows = found.iter().map(|it| {
         [
             it.action.to_owned(),
-            it.result.word().to_owned(),
+            it.result.keyword().to_owned(),
             it.why.clone(),
         ]
     });
@@ -123,7 +123,7 @@ pub(super) fn summary(found: &[Found]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::qualified::Finding;
+    use crate::config::qualified::TrialFinding;
     use serde_json::json;
 
     #[test]
@@ -182,9 +182,9 @@ mod tests {
 
     #[test]
     fn the_summary_names_each_result() {
-        let found = [Found {
+        let found = [ActionResult {
             action: "basic",
-            result: Finding::Contradicted,
+            result: TrialFinding::Contradicted,
             why: "the motor moves".to_owned(),
         }];
         assert_eq!(

@@ -1,11 +1,11 @@
 //! The confusion matrix: the simulator plays each model, the scan says what it takes it for. A scan may name several
 //! models, and never a wrong one alone.
 
-use super::report::Scan;
+use super::report::ScanReport;
 use super::tests::{Simulated, factory_plan, model, models, played};
 use crate::config::PortAddress;
-use crate::daemon::scan::plan::{Plan, READS_MAX, SILENCES_MAX, ScanOptions, Setting};
-use crate::daemon::scan::survey::{Finding, Verdict};
+use crate::daemon::scan::plan::{READS_MAX, SILENCES_MAX, ScanOptions, ScanPlan, ScanSetting};
+use crate::daemon::scan::survey::{FoundDrive, ModelVerdict};
 use crate::profile::model::Model;
 use crate::sim::FaultPlan;
 use std::fmt::Write;
@@ -13,7 +13,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// One drive of `model` at the only setting of `plan`, and how many frames it took.
-fn found(plan: &Plan, model: &Arc<Model>) -> (Finding, usize) {
+fn found(plan: &ScanPlan, model: &Arc<Model>) -> (FoundDrive, usize) {
     let mut line = Simulated::new(model, &[1], FaultPlan::default());
     line.link = plan.settings[0].link;
     let findings = played(plan, &mut line);
@@ -23,7 +23,7 @@ fn found(plan: &Plan, model: &Arc<Model>) -> (Finding, usize) {
     (drive.clone(), line.frames)
 }
 
-fn names(verdict: &Verdict) -> Vec<&str> {
+fn names(verdict: &ModelVerdict) -> Vec<&str> {
     verdict
         .fits
         .iter()
@@ -32,33 +32,33 @@ fn names(verdict: &Verdict) -> Vec<&str> {
 }
 
 /// The setting that a drive of `model` has when it is new, or can be set to if that one is not of RTU frames.
-fn plan_for(all: &Plan, model: &Model) -> Plan {
-    let has = |setting: &&Setting| setting.candidates.iter().any(|it| it.id == model.id);
-    let is_factory = |setting: &&Setting| setting.link == model.link.played();
+fn plan_for(all: &ScanPlan, model: &Model) -> ScanPlan {
+    let has = |setting: &&ScanSetting| setting.candidates.iter().any(|it| it.id == model.id);
+    let is_factory = |setting: &&ScanSetting| setting.link == model.link.played();
     let setting = all
         .settings
         .iter()
         .find(is_factory)
         .or_else(|| all.settings.iter().find(has))
         .unwrap();
-    Plan {
+    ScanPlan {
         settings: vec![setting.clone()],
         stations: vec![1],
     }
 }
 
 /// Whether only `model` is named; `None` if others are too. A wrong name alone fails.
-fn is_told_alone(model: &Model, verdict: &Verdict) -> bool {
+fn is_told_alone(model: &Model, verdict: &ModelVerdict) -> bool {
     let names = names(verdict);
     assert!(
         names.contains(&model.id.as_str()),
         "{} is taken for {names:?}",
         model.id
     );
-    verdict.word() == "probable"
+    verdict.keyword() == "probable"
 }
 
-fn frames_max(plan: &Plan) -> usize {
+fn frames_max(plan: &ScanPlan) -> usize {
     // Each silence costs a read of what is known to answer; one more read is of an address that no model has.
     plan.settings[0].probes.len() + (READS_MAX + 2 * SILENCES_MAX + 3) as usize
 }
@@ -80,7 +80,7 @@ fn no_model_is_taken_for_another_one() {
             text,
             "{}: {} {}",
             model.id,
-            drive.verdict.word(),
+            drive.verdict.keyword(),
             names(&drive.verdict).join(", ")
         );
     }
@@ -110,7 +110,7 @@ fn nor_where_the_setting_says_nothing() {
         is_network: true,
         ..ScanOptions::default()
     };
-    let plan = Plan::new(&models(), vec![1], &options);
+    let plan = ScanPlan::new(&models(), vec![1], &options);
     for model in models() {
         let (drive, frames) = found(&plan, &model);
         assert!(frames <= frames_max(&plan), "{}: {frames} frames", model.id);
@@ -140,11 +140,11 @@ fn a_drive_tells_what_it_is() {
     assert!(!names(&drive.verdict).contains(&"actech-smv"));
     assert_eq!(drive.verdict.other.as_deref(), Some("AC Tech MC"));
     let port = PortAddress::Device(Path::new("/dev/ttyUSB0").to_owned());
-    let findings = crate::daemon::scan::survey::Findings {
+    let findings = crate::daemon::scan::survey::ScanFindings {
         drives: vec![drive],
-        ..crate::daemon::scan::survey::Findings::default()
+        ..crate::daemon::scan::survey::ScanFindings::default()
     };
-    let table = Scan {
+    let table = ScanReport {
         port: &port,
         plan: &plan,
         findings: &findings,
@@ -159,7 +159,7 @@ fn a_drive_tells_what_it_is() {
 fn a_drive_without_holding_registers_is_found() {
     for (table, function) in [("input", "0x04"), ("coil", "0x01")] {
         let model = Arc::new(without_03(table, function));
-        let plan = Plan::new(&[Arc::clone(&model)], vec![1], &ScanOptions::default());
+        let plan = ScanPlan::new(&[Arc::clone(&model)], vec![1], &ScanOptions::default());
         let (drive, _) = found(&plan, &model);
         assert_eq!(
             (names(&drive.verdict), drive.by_exception),
@@ -171,10 +171,10 @@ fn a_drive_without_holding_registers_is_found() {
 
 /// A model whose registers are all in `table`, which `function` reads.
 fn without_03(table: &str, function: &str) -> Model {
-    use crate::domain::address::{Address, Table};
-    let table = Table::ALL
+    use crate::domain::address::{Address, DataTable};
+    let table = DataTable::ALL
         .into_iter()
-        .find(|it| it.word() == table)
+        .find(|it| it.keyword() == table)
         .unwrap();
     let mut model = Model::clone(&model("rockwell-powerflex-40"));
     model.functions.value =

@@ -10,16 +10,16 @@ mod tests;
 use crate::cli::tools::link_args::LinkArgs;
 use crate::cli::tools::own_models::ModelDirs;
 use crate::cli::tools::progress::seconds;
-use crate::cli::tools::scanning::{Scanned, scanned};
-use crate::cli::tools::{Failure, input, log::complain, print};
+use crate::cli::tools::scanning::{ScanOutcome, scanned};
+use crate::cli::tools::{CommandFailure, input, log::complain, print};
 use crate::config;
 use crate::daemon::host::clock;
 use crate::daemon::lines::tool_line::ToolPort;
 use crate::daemon::scan::ADVICE;
-use crate::daemon::scan::plan::{self, Plan, ScanOptions, setting_text};
+use crate::daemon::scan::plan::{self, ScanOptions, ScanPlan, setting_text};
 use crate::domain::calendar;
 use crate::domain::link::LinkSettings;
-use report::Scan;
+use report::ScanReport;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -31,7 +31,7 @@ pub struct Args {
     port: config::PortAddress,
     /// Stations to ask, such as 1-32 or 1,3,7-9
     #[arg(long, value_name = "NUMBERS", default_value = "1-32", value_parser = parsed_stations)]
-    stations: Stations,
+    stations: StationList,
     /// Try every speed, parity and number of stop bits that a drive can be set to, not only factory settings, or a usual one where a
     /// model has no known factory setting. Takes long;
     /// the expected time is printed first
@@ -62,10 +62,10 @@ pub struct Args {
 }
 
 #[derive(Clone, Debug)]
-struct Stations(Vec<u8>);
+struct StationList(Vec<u8>);
 
-fn parsed_stations(text: &str) -> Result<Stations, String> {
-    plan::stations(text).map(Stations)
+fn parsed_stations(text: &str) -> Result<StationList, String> {
+    plan::stations(text).map(StationList)
 }
 
 fn patience(text: &str) -> Result<Duration, String> {
@@ -79,7 +79,7 @@ fn patience(text: &str) -> Result<Duration, String> {
 }
 
 /// Looks for drives until everything was tried, or Ctrl-C. What was found by then is printed either way.
-pub fn scan(args: &Args) -> Result<(), Failure> {
+pub fn scan(args: &Args) -> Result<(), CommandFailure> {
     let catalog = input::catalog_with(&args.own)?;
     let models: Vec<_> = catalog
         .ids()
@@ -95,20 +95,12 @@ pub fn scan(args: &Args) -> Result<(), Failure> {
         is_network,
         timeout: args.seconds_per_station,
     };
-    if is_network && (args.all_settings || !args.baud.is_empty() || args.link.is_given()) {
-        return Err(Failure::wrong(
-            "a serial device server sets the line itself: set it there, and scan without settings",
-        ));
-    }
-    if let Some(out) = args.out.as_deref().filter(|out| out.exists()) {
-        return Err(Failure::wrong(format!(
-            "{} already exists and is not overwritten",
-            out.display()
-        )));
-    }
-    let plan = Plan::new(&models, args.stations.0.clone(), &wish);
+    may_be_wanted(args, is_network)?;
+    let plan = ScanPlan::new(&models, args.stations.0.clone(), &wish);
     if plan.settings.is_empty() {
-        return Err(Failure::wrong("no model has such settings: nothing to try"));
+        return Err(CommandFailure::wrong(
+            "no model has such settings: nothing to try",
+        ));
     }
     complain(announcement(args, &plan).as_bytes());
     if args.dry_run {
@@ -123,7 +115,7 @@ pub fn scan(args: &Args) -> Result<(), Failure> {
         link,
         direction: args.link.direction(),
     };
-    let Scanned {
+    let ScanOutcome {
         findings,
         ended,
         echoes,
@@ -133,7 +125,7 @@ pub fn scan(args: &Args) -> Result<(), Failure> {
         return ended;
     }
     let date = calendar::day(clock::wall());
-    let scan = Scan {
+    let scan = ScanReport {
         port: &args.port,
         plan: &plan,
         findings: &findings,
@@ -143,16 +135,32 @@ pub fn scan(args: &Args) -> Result<(), Failure> {
     tell(args, &scan, late)?;
     ended?;
     match (findings.is_complete, findings.drives.is_empty()) {
-        (false, _) => Err(Failure::failed(
+        (false, _) => Err(CommandFailure::failed(
             "interrupted before all was tried; this was found so far",
         )),
-        (true, true) => Err(Failure::failed(ADVICE)),
+        (true, true) => Err(CommandFailure::failed(ADVICE)),
         (true, false) => Ok(()),
     }
 }
 
+/// What can be said against the arguments before anything is tried.
+fn may_be_wanted(args: &Args, is_network: bool) -> Result<(), CommandFailure> {
+    if is_network && (args.all_settings || !args.baud.is_empty() || args.link.is_given()) {
+        return Err(CommandFailure::wrong(
+            "a serial device server sets the line itself: set it there, and scan without settings",
+        ));
+    }
+    if let Some(out) = args.out.as_deref().filter(|out| out.exists()) {
+        return Err(CommandFailure::wrong(format!(
+            "{} already exists and is not overwritten",
+            out.display()
+        )));
+    }
+    Ok(())
+}
+
 /// Prints the results where they belong.
-fn tell(args: &Args, scan: &Scan<'_>, late: u64) -> Result<(), Failure> {
+fn tell(args: &Args, scan: &ScanReport<'_>, late: u64) -> Result<(), CommandFailure> {
     if late > 0 {
         let hint = "ask again with a longer --seconds-per-station";
         complain(format!("{late} frames arrived too late to count: {hint}\n").as_bytes());
@@ -172,17 +180,17 @@ fn tell(args: &Args, scan: &Scan<'_>, late: u64) -> Result<(), Failure> {
     }
 }
 
-fn write_new(path: &std::path::Path, text: &str) -> Result<(), Failure> {
+fn write_new(path: &std::path::Path, text: &str) -> Result<(), CommandFailure> {
     use std::io::Write;
     let file = std::fs::OpenOptions::new()
         .write(true)
         .create_new(true)
         .open(path);
     let written = file.and_then(|mut file| file.write_all(text.as_bytes()));
-    written.map_err(|error| Failure::failed(format!("{}: {error}", path.display())))
+    written.map_err(|error| CommandFailure::failed(format!("{}: {error}", path.display())))
 }
 
-fn announcement(args: &Args, plan: &Plan) -> String {
+fn announcement(args: &Args, plan: &ScanPlan) -> String {
     let (silent, told) = plan.duration();
     let settings: Vec<_> = plan.settings.iter().map(setting_text).collect();
     let settings = match args.port {

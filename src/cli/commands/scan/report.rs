@@ -4,35 +4,35 @@ use crate::cli::tools::scanning::model_text;
 use crate::cli::tools::setup::table;
 use crate::config::PortAddress;
 use crate::daemon::scan::plan::setting_text;
-use crate::daemon::scan::plan::{Plan, Setting};
-use crate::daemon::scan::survey::{Finding, Findings};
+use crate::daemon::scan::plan::{ScanPlan, ScanSetting};
+use crate::daemon::scan::survey::{FoundDrive, ScanFindings};
 use crate::domain::link::{Framing, LinkSettings};
 use crate::toml_file::words::{FRAMINGS, PARITIES, word_for};
 use serde_json::{Value, json};
 use std::fmt::Write;
 
 /// A scan with its results.
-pub struct Scan<'a> {
+pub struct ScanReport<'a> {
     /// The port.
     pub port: &'a PortAddress,
     /// What was tried.
-    pub plan: &'a Plan,
+    pub plan: &'a ScanPlan,
     /// What was found.
-    pub findings: &'a Findings,
+    pub findings: &'a ScanFindings,
     /// The adapter echoes what is sent.
     pub echoes: bool,
     /// The date.
     pub date: &'a str,
 }
 
-impl Scan<'_> {
-    fn setting(&self, finding: &Finding) -> Option<&Setting> {
+impl ScanReport<'_> {
+    fn setting(&self, finding: &FoundDrive) -> Option<&ScanSetting> {
         self.plan.settings.get(finding.setting)
     }
 
     /// The drives as a table, and other observations.
     pub fn table(&self) -> String {
-        let row = |finding: &Finding| {
+        let row = |finding: &FoundDrive| {
             let setting = self
                 .setting(finding)
                 .map(|it| self.place(it))
@@ -70,7 +70,7 @@ impl Scan<'_> {
         text
     }
 
-    fn place(&self, setting: &Setting) -> String {
+    fn place(&self, setting: &ScanSetting) -> String {
         match self.port {
             PortAddress::Device(_) => setting_text(setting),
             PortAddress::Tcp { .. } | PortAddress::ModbusTcp { .. } => {
@@ -81,7 +81,7 @@ impl Scan<'_> {
 
     /// All of it for programs, with the configuration.
     pub fn json(&self) -> Value {
-        let drive = |finding: &Finding| {
+        let drive = |finding: &FoundDrive| {
             let fits = &finding.verdict.fits;
             let models: Vec<_> = fits.iter().map(|(model, _)| model.id.as_str()).collect();
             let why: Vec<_> = fits.iter().map(|(_, why)| why.as_str()).collect();
@@ -91,7 +91,7 @@ impl Scan<'_> {
                 "models": models,
                 "why": why,
                 "says_other": finding.verdict.other,
-                "confidence": finding.verdict.word(),
+                "confidence": finding.verdict.keyword(),
             });
             let setting = self.setting(finding);
             json["link"] = match (setting, &self.port) {
@@ -166,7 +166,7 @@ impl Scan<'_> {
         Some(text)
     }
 
-    fn line(&self, setting: &Setting, text: &mut String) {
+    fn line(&self, setting: &ScanSetting, text: &mut String) {
         let LinkSettings {
             baud,
             data_bits,
@@ -197,7 +197,7 @@ impl Scan<'_> {
     }
 }
 
-fn drive(finding: &Finding, text: &mut String) {
+fn drive(finding: &FoundDrive, text: &mut String) {
     let station = finding.station;
     let Some((model, why)) = finding.verdict.fits.first() else {
         let _ = writeln!(text, "\n# Station {station}: {}.", model_text(finding));
@@ -210,7 +210,7 @@ fn drive(finding: &Finding, text: &mut String) {
         .skip(1)
         .map(|(model, _)| model.id.as_str())
         .collect();
-    let sure = match (finding.verdict.word(), others.is_empty()) {
+    let sure = match (finding.verdict.keyword(), others.is_empty()) {
         ("probable", _) => format!("identified: {why}; compare it with the nameplate"),
         (_, true) if finding.verdict.answers_anything => {
             "a guess: it answers whatever it is asked; compare it with the nameplate".to_owned()

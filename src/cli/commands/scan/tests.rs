@@ -1,19 +1,21 @@
 //! Whole scans of simulated lines, in simulated time: the same core as on a port, with a clock that only the test moves.
 
-use super::report::Scan;
+use super::report::ScanReport;
 use crate::cli::tools::input;
 use crate::config::{self, PortAddress};
 use crate::daemon::scan::ScanError;
-use crate::daemon::scan::judge::Heard;
-use crate::daemon::scan::plan::{LISTEN, Plan, Probe, ScanOptions, Setting, probes, stations};
-use crate::daemon::scan::survey::{Asker, Event, Findings, survey};
+use crate::daemon::scan::judge::ReadOutcome;
+use crate::daemon::scan::plan::{
+    LISTEN, ScanOptions, ScanPlan, ScanProbe, ScanSetting, probes, stations,
+};
+use crate::daemon::scan::survey::{LineAsker, ScanEvent, ScanFindings, survey};
 use crate::domain::address::Address;
-use crate::domain::command::{Manner, Origin, Owner, Rights};
+use crate::domain::command::{OrderManner, Origin, Owner, Rights};
 use crate::domain::ids::{AskerId, DriveIndex, Station, Ticket};
 use crate::domain::link::{EchoPolicy, Framing, LinkSettings, Parity, PortKind};
 use crate::domain::native::{NativeAsk, NativeOutcome, NativeRequest};
 use crate::domain::time::MonoTime;
-use crate::gateway::{Effect, Input, LineCore, LineSetup};
+use crate::gateway::{LineCore, LineEffect, LineInput, LineSetup};
 use crate::profile::model::Model;
 use crate::sim::{BusOptions, DriveOptions, FaultPlan, SimBus, SimDrive};
 use std::path::Path;
@@ -78,14 +80,14 @@ impl Simulated {
         let mut answer = None;
         while let Some(effect) = core.next_effect() {
             match effect {
-                Effect::Transmit(frame) => {
+                LineEffect::Transmit(frame) => {
                     assert!((1..=4).contains(&frame[1]), "only reads");
                     self.frames += 1;
                     if self.hears {
                         self.bus.receive(self.now, &frame);
                     }
                 }
-                Effect::Answer(it) => answer = Some(it.outcome),
+                LineEffect::Answer(it) => answer = Some(it.outcome),
                 _ => {}
             }
         }
@@ -100,15 +102,15 @@ impl Simulated {
         self.bus
             .take_due(now, |_, bytes| came.extend_from_slice(bytes));
         if !came.is_empty() {
-            core.handle(now, Input::Bytes(&came));
+            core.handle(now, LineInput::Bytes(&came));
         }
-        core.handle(now, Input::Time);
+        core.handle(now, LineInput::Time);
         None
     }
 }
 
-impl Asker for Simulated {
-    async fn open(&mut self, setting: &Setting, stations: &[u8]) -> Result<(), ScanError> {
+impl LineAsker for Simulated {
+    async fn open(&mut self, setting: &ScanSetting, stations: &[u8]) -> Result<(), ScanError> {
         let drives = stations
             .iter()
             .filter_map(|station| setting.station(*station))
@@ -131,19 +133,19 @@ impl Asker for Simulated {
                 Duration::from_millis(20)
             };
         let mut core = LineCore::new(setup, self.now);
-        core.handle(self.now, Input::PortUp(PortKind::Serial));
+        core.handle(self.now, LineInput::PortUp(PortKind::Serial));
         self.core = Some(core);
         self.stations = stations.to_vec();
         self.hears = setting.link == self.link;
         Ok(())
     }
 
-    async fn ask(&mut self, station: u8, address: Address) -> Result<Heard, ScanError> {
+    async fn ask(&mut self, station: u8, address: Address) -> Result<ReadOutcome, ScanError> {
         let place = self.stations.iter().position(|it| *it == station).unwrap();
         let origin = Origin {
             owner: Owner::Local,
             rights: Rights::NONE,
-            manner: Manner::Once,
+            manner: OrderManner::Once,
         };
         let deadline = self.now + Duration::from_secs(20);
         let request = NativeRequest {
@@ -157,8 +159,8 @@ impl Asker for Simulated {
         let core = self.core.as_mut().unwrap();
         let damage = |core: &LineCore| core.counters().garbled + core.counters().noise_bytes;
         let before = damage(core);
-        core.handle(self.now, Input::Native(request));
-        core.handle(self.now, Input::Time);
+        core.handle(self.now, LineInput::Native(request));
+        core.handle(self.now, LineInput::Time);
         let outcome = loop {
             if let Some(outcome) = self.go_on(deadline) {
                 break outcome;
@@ -166,23 +168,23 @@ impl Asker for Simulated {
         };
         let is_damaged = damage(self.core.as_ref().unwrap()) > before;
         Ok(match outcome {
-            NativeOutcome::Words(words) => Heard::Word(words[0]),
-            NativeOutcome::DriveException { code, .. } => Heard::Exception(code),
-            NativeOutcome::NoReply if is_damaged => Heard::Damaged,
-            NativeOutcome::NoReply => Heard::Silent,
+            NativeOutcome::Words(words) => ReadOutcome::Word(words[0]),
+            NativeOutcome::DriveException { code, .. } => ReadOutcome::Exception(code),
+            NativeOutcome::NoReply if is_damaged => ReadOutcome::Damaged,
+            NativeOutcome::NoReply => ReadOutcome::Silent,
             other => panic!("{other:?} for station {station} at {address}"),
         })
     }
 }
 
-pub(super) fn played(plan: &Plan, asker: &mut Simulated) -> Findings {
+pub(super) fn played(plan: &ScanPlan, asker: &mut Simulated) -> ScanFindings {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .build()
         .unwrap();
-    let mut findings = Findings::default();
+    let mut findings = ScanFindings::default();
     let mut last = 0;
     let done = runtime.block_on(survey(plan, asker, &mut findings, |event| {
-        if let Event::Setting(number) = event {
+        if let ScanEvent::Setting(number) = event {
             last = number;
         }
     }));
@@ -191,17 +193,17 @@ pub(super) fn played(plan: &Plan, asker: &mut Simulated) -> Findings {
     findings
 }
 
-pub(super) fn factory_plan(numbers: &str) -> Plan {
-    Plan::new(
+pub(super) fn factory_plan(numbers: &str) -> ScanPlan {
+    ScanPlan::new(
         &models(),
         stations(numbers).unwrap(),
         &ScanOptions::default(),
     )
 }
 
-fn configuration(plan: &Plan, findings: &Findings) -> String {
+fn configuration(plan: &ScanPlan, findings: &ScanFindings) -> String {
     let port = PortAddress::Device(Path::new("/dev/ttyUSB0").to_owned());
-    let scan = Scan {
+    let scan = ScanReport {
         port: &port,
         plan,
         findings,
@@ -245,7 +247,7 @@ fn an_unknown_line_is_known_in_bounded_time_whatever_hangs_there() {
                 "{} at station {}: {:?}",
                 model.id,
                 drive.station,
-                drive.verdict.word()
+                drive.verdict.keyword()
             );
             assert_eq!(plan.settings[drive.setting].link, model.link.played());
         }
@@ -277,7 +279,7 @@ fn a_zero_proves_nothing_where_holes_show_zero() {
     for (candidate, word) in [(refusing, "probable"), (of_zeros, "possible")] {
         let candidate = Arc::new(candidate);
         let all = [models(), vec![Arc::clone(&candidate)]].concat();
-        let plan = Plan::new(&all, vec![1], &ScanOptions::default());
+        let plan = ScanPlan::new(&all, vec![1], &ScanOptions::default());
         let findings = played(
             &plan,
             &mut Simulated::new(&candidate, &[1], FaultPlan::default()),
@@ -293,7 +295,7 @@ fn a_zero_proves_nothing_where_holes_show_zero() {
                 .any(|(fit, _)| fit.id == candidate.id),
             "{word}"
         );
-        assert_eq!(drive.verdict.word(), word);
+        assert_eq!(drive.verdict.keyword(), word);
     }
 }
 
@@ -335,7 +337,7 @@ fn the_factory_settings_are_those_of_the_models() {
             .filter(|it| it.link.played() == setting.link)
             .collect();
         for model in &factory {
-            let answers = |probe: &Probe| {
+            let answers = |probe: &ScanProbe| {
                 model.readable_at(probe.address).is_some() || !model.exceptions.is_empty()
             };
             assert!(
@@ -355,7 +357,7 @@ fn what_most_models_leave_the_factory_with_is_tried_first() {
         .into_iter()
         .flat_map(|is_ascii| [(is_ascii, false), (is_ascii, true)]);
     for (is_ascii, everything) in wishes {
-        let plan = Plan::new(
+        let plan = ScanPlan::new(
             &models(),
             vec![1],
             &ScanOptions {
@@ -367,7 +369,7 @@ fn what_most_models_leave_the_factory_with_is_tried_first() {
         let takes =
             |model: &Arc<Model>| !is_ascii || model.link.framings.value.contains(&Framing::Ascii);
         let all: Vec<_> = models().into_iter().filter(takes).collect();
-        let count = |setting: &Setting| {
+        let count = |setting: &ScanSetting| {
             let is_like = |known: LinkSettings| {
                 let LinkSettings {
                     baud,
@@ -416,7 +418,7 @@ fn a_model_without_a_factory_setting_is_looked_for_at_a_usual_one() {
             everything,
             ..ScanOptions::default()
         };
-        Plan::new(&[Arc::clone(&v20)], vec![1], &wish)
+        ScanPlan::new(&[Arc::clone(&v20)], vec![1], &wish)
             .settings
             .iter()
             .map(|it| it.link.to_string())
@@ -435,7 +437,7 @@ fn a_model_without_a_factory_setting_is_looked_for_at_a_usual_one() {
 
 #[test]
 fn everything_else_is_tried_on_request_and_after_the_factories() {
-    let all = Plan::new(
+    let all = ScanPlan::new(
         &models(),
         vec![1],
         &ScanOptions {
@@ -472,7 +474,7 @@ fn everything_else_is_tried_on_request_and_after_the_factories() {
         stop_bits: Some(1),
         ..ScanOptions::default()
     };
-    let one = Plan::new(&models(), vec![1], &wish);
+    let one = ScanPlan::new(&models(), vec![1], &wish);
     assert_eq!(
         one.settings
             .iter()
@@ -480,7 +482,7 @@ fn everything_else_is_tried_on_request_and_after_the_factories() {
             .collect::<Vec<_>>(),
         ["9600 8E1"]
     );
-    let network = Plan::new(
+    let network = ScanPlan::new(
         &models(),
         vec![1],
         &ScanOptions {
@@ -492,7 +494,7 @@ fn everything_else_is_tried_on_request_and_after_the_factories() {
         (network.settings.len(), network.settings[0].candidates.len()),
         (1, models().len())
     );
-    let ascii = Plan::new(
+    let ascii = ScanPlan::new(
         &models(),
         vec![1],
         &ScanOptions {
@@ -534,7 +536,7 @@ fn damaged_answers_are_distinguished_from_silence() {
     assert!(findings.drives.is_empty(), "{:?}", findings.drives);
     assert!(findings.damaged[&at].contains(&3));
     let port = PortAddress::Device(Path::new("/dev/ttyUSB0").to_owned());
-    let scan = Scan {
+    let scan = ScanReport {
         port: &port,
         plan: &plan,
         findings: &findings,

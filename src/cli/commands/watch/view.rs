@@ -1,7 +1,7 @@
 //! `watch` on a terminal: a table that is redrawn, and the terminal restored afterwards.
 
-use crate::cli::tools::Failure;
-use crate::cli::tools::reading::Shown;
+use crate::cli::tools::CommandFailure;
+use crate::cli::tools::reading::ShownValue;
 use crate::domain::time::MonoTime;
 use std::fmt::Write as _;
 use std::io::{self, IsTerminal, Write};
@@ -13,20 +13,20 @@ const MARKED_FOR: Duration = Duration::from_secs(3);
 const OTHER_LINES: usize = 5;
 
 /// A view that takes the terminal until it is dropped.
-pub struct View {
+pub struct TerminalView {
     title: String,
-    rows: Vec<Row>,
+    rows: Vec<ViewRow>,
     /// Why there was no answer to the last request, if there was none.
     trouble: Option<String>,
 }
 
-struct Row {
-    shown: Shown,
+struct ViewRow {
+    shown: ShownValue,
     read_at: MonoTime,
     changed_at: Option<MonoTime>,
 }
 
-impl View {
+impl TerminalView {
     /// Whether the output is a terminal.
     #[must_use]
     pub fn is_possible() -> bool {
@@ -37,7 +37,7 @@ impl View {
     ///
     /// # Errors
     /// It cannot be written to.
-    pub fn open(title: String) -> Result<Self, Failure> {
+    pub fn open(title: String) -> Result<Self, CommandFailure> {
         // Another screen, without a cursor.
         put("\x1b[?1049h\x1b[?25l")?;
         Ok(Self {
@@ -48,7 +48,7 @@ impl View {
     }
 
     /// These values were read at `now`.
-    pub fn values(&mut self, values: Vec<Shown>, now: MonoTime) {
+    pub fn values(&mut self, values: Vec<ShownValue>, now: MonoTime) {
         self.trouble = None;
         let mut old = std::mem::take(&mut self.rows);
         for shown in values {
@@ -61,7 +61,7 @@ impl View {
                 Some(_) => Some(now),
                 None => None,
             };
-            self.rows.push(Row {
+            self.rows.push(ViewRow {
                 shown,
                 read_at: now,
                 changed_at,
@@ -78,7 +78,7 @@ impl View {
     ///
     /// # Errors
     /// The terminal cannot be written to.
-    pub fn draw(&self, now: MonoTime) -> Result<(), Failure> {
+    pub fn draw(&self, now: MonoTime) -> Result<(), CommandFailure> {
         let (columns, lines) = size();
         let text = self.text(now, columns, lines);
         // Overwrites each line to its end, and clears what is below: this does not flicker.
@@ -87,7 +87,7 @@ impl View {
 
     /// The content of a screen with this many columns and lines.
     fn text(&self, now: MonoTime, columns: usize, lines: usize) -> String {
-        let width = |of: fn(&Row) -> usize| self.rows.iter().map(of).max().unwrap_or(0);
+        let width = |of: fn(&ViewRow) -> usize| self.rows.iter().map(of).max().unwrap_or(0);
         let names = width(|row| row.shown.label.chars().count()).max(4);
         let values = width(|row| row.shown.text().chars().count()).max(5);
         let mut all = vec![
@@ -135,18 +135,18 @@ impl View {
     }
 }
 
-impl Drop for View {
+impl Drop for TerminalView {
     fn drop(&mut self) {
         // The terminal may be gone.
         let _ = put("\x1b[?25h\x1b[?1049l");
     }
 }
 
-fn put(text: &str) -> Result<(), Failure> {
+fn put(text: &str) -> Result<(), CommandFailure> {
     let mut out = io::stdout().lock();
     out.write_all(text.as_bytes())
         .and_then(|()| out.flush())
-        .map_err(Failure::failed)
+        .map_err(CommandFailure::failed)
 }
 
 /// Columns and lines of the terminal.
@@ -161,8 +161,8 @@ fn size() -> (usize, usize) {
 mod tests {
     use super::*;
 
-    fn view() -> View {
-        View {
+    fn view() -> TerminalView {
+        TerminalView {
             title: "pump".to_owned(),
             rows: Vec::new(),
             trouble: None,
@@ -177,11 +177,17 @@ mod tests {
     fn changes_are_marked_for_a_while_and_ages_grow() {
         let mut view = view();
         view.values(
-            vec![Shown::word("speed", 1, 10), Shown::word("load", 2, 5)],
+            vec![
+                ShownValue::word("speed", 1, 10),
+                ShownValue::word("load", 2, 5),
+            ],
             at(0),
         );
         view.values(
-            vec![Shown::word("speed", 1, 11), Shown::word("load", 2, 5)],
+            vec![
+                ShownValue::word("speed", 1, 11),
+                ShownValue::word("load", 2, 5),
+            ],
             at(1000),
         );
         let lines: Vec<String> = view
@@ -211,7 +217,7 @@ mod tests {
         let mut view = view();
         view.values(
             (0..50)
-                .map(|at| Shown::word(&format!("register {at}"), at, at))
+                .map(|at| ShownValue::word(&format!("register {at}"), at, at))
                 .collect(),
             at(0),
         );

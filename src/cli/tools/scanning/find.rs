@@ -1,21 +1,21 @@
 //! A scan for `init`: the drives of the setting that most of them answer at.
 
-use super::{Scanned, model_text, scanned};
-use crate::cli::tools::Failure;
+use super::{ScanOutcome, model_text, scanned};
+use crate::cli::tools::CommandFailure;
 use crate::cli::tools::link_args::LinkArgs;
 use crate::config::PortAddress;
 use crate::daemon::lines::tool_line::ToolPort;
 use crate::daemon::scan::ADVICE;
 use crate::daemon::scan::plan::setting_text;
-use crate::daemon::scan::plan::{self, Plan, ScanOptions, Setting};
-use crate::daemon::scan::survey::Findings;
+use crate::daemon::scan::plan::{self, ScanOptions, ScanPlan, ScanSetting};
+use crate::daemon::scan::survey::ScanFindings;
 use crate::domain::link::LinkSettings;
 use crate::profile::catalog::Catalog;
 use crate::profile::model::Model;
 use std::sync::Arc;
 
 /// One drive that answers.
-pub struct Drive {
+pub struct ScannedDrive {
     /// Its station.
     pub station: u8,
     /// The models that fit, the most likely first.
@@ -25,11 +25,11 @@ pub struct Drive {
 }
 
 /// The drives of a line.
-pub struct Found {
+pub struct ScannedLine {
     /// The setting that most of them have.
-    pub setting: Setting,
+    pub setting: ScanSetting,
     /// The drives that answer with `setting`.
-    pub drives: Vec<Drive>,
+    pub drives: Vec<ScannedDrive>,
     /// Others, in words.
     pub others: Vec<String>,
     /// The adapter echoes what is sent.
@@ -46,10 +46,10 @@ pub fn find(
     stations: &str,
     baud: Option<u32>,
     link: &LinkArgs,
-    announce: impl FnOnce(&Plan) -> Result<(), Failure>,
-) -> Result<Found, Failure> {
-    let stations =
-        plan::stations(stations).map_err(|why| Failure::wrong(format!("--stations: {why}")))?;
+    announce: impl FnOnce(&ScanPlan) -> Result<(), CommandFailure>,
+) -> Result<ScannedLine, CommandFailure> {
+    let stations = plan::stations(stations)
+        .map_err(|why| CommandFailure::wrong(format!("--stations: {why}")))?;
     let options = ScanOptions {
         bauds: baud.into_iter().collect(),
         parity: link.parity(),
@@ -58,7 +58,7 @@ pub fn find(
         ..ScanOptions::default()
     };
     let models: Vec<_> = catalog.models().cloned().collect();
-    let plan = Plan::new(&models, stations, &options);
+    let plan = ScanPlan::new(&models, stations, &options);
     announce(&plan)?;
     let first = plan
         .settings
@@ -69,7 +69,7 @@ pub fn find(
         link: first,
         direction: link.direction(),
     };
-    let Scanned {
+    let ScanOutcome {
         findings,
         echoes,
         ended,
@@ -77,22 +77,26 @@ pub fn find(
     } = scanned(&plan, tool_port)?;
     ended?;
     if !findings.is_complete {
-        return Err(Failure::failed("interrupted; nothing was written"));
+        return Err(CommandFailure::failed("interrupted; nothing was written"));
     }
     if findings.drives.is_empty() {
-        return Err(Failure::failed(ADVICE));
+        return Err(CommandFailure::failed(ADVICE));
     }
     settled(&plan, &findings, echoes)
 }
 
-fn settled(plan: &Plan, findings: &Findings, echoes: bool) -> Result<Found, Failure> {
+fn settled(
+    plan: &ScanPlan,
+    findings: &ScanFindings,
+    echoes: bool,
+) -> Result<ScannedLine, CommandFailure> {
     let best = plan
         .most_answer(findings)
-        .ok_or_else(|| Failure::failed(ADVICE))?;
+        .ok_or_else(|| CommandFailure::failed(ADVICE))?;
     let setting = plan
         .settings
         .get(best)
-        .ok_or_else(|| Failure::failed(ADVICE))?
+        .ok_or_else(|| CommandFailure::failed(ADVICE))?
         .clone();
     let (here, elsewhere): (Vec<_>, Vec<_>) = findings
         .drives
@@ -111,7 +115,7 @@ fn settled(plan: &Plan, findings: &Findings, echoes: bool) -> Result<Found, Fail
         )
     });
     let others = others.collect();
-    let drives = here.into_iter().map(|finding| Drive {
+    let drives = here.into_iter().map(|finding| ScannedDrive {
         station: finding.station,
         fits: finding
             .verdict
@@ -119,11 +123,11 @@ fn settled(plan: &Plan, findings: &Findings, echoes: bool) -> Result<Found, Fail
             .iter()
             .map(|(model, _)| Arc::clone(model))
             .collect(),
-        is_sure: finding.verdict.word() == "probable",
+        is_sure: finding.verdict.keyword() == "probable",
     });
     let mut drives: Vec<_> = drives.collect();
     drives.sort_by_key(|drive| drive.station);
-    Ok(Found {
+    Ok(ScannedLine {
         setting,
         drives,
         others,

@@ -3,20 +3,20 @@
 pub mod find;
 pub mod single;
 
-use super::Failure;
-use super::progress::Bar;
+use super::CommandFailure;
+use super::progress::ProgressBar;
 use crate::daemon::lines::tool_line::ToolPort;
 use crate::daemon::scan::asker::PortAsker;
-use crate::daemon::scan::plan::{Plan, setting_text};
-use crate::daemon::scan::survey::{Event, Finding, Findings, survey};
+use crate::daemon::scan::plan::{ScanPlan, setting_text};
+use crate::daemon::scan::survey::{FoundDrive, ScanEvent, ScanFindings, survey};
 use crate::daemon::service::signals::told_to_end;
 
 /// The outcome of a scan.
-pub struct Scanned {
+pub struct ScanOutcome {
     /// What was found.
-    pub findings: Findings,
+    pub findings: ScanFindings,
     /// Why it ended early.
-    pub ended: Result<(), Failure>,
+    pub ended: Result<(), CommandFailure>,
     /// The adapter echoes what is sent.
     pub echoes: bool,
     /// Frames of drives that arrived too late to count.
@@ -24,35 +24,35 @@ pub struct Scanned {
 }
 
 /// Tries everything in `plan`, until Ctrl-C. Shows the progress.
-pub fn scanned(plan: &Plan, port: ToolPort) -> Result<Scanned, Failure> {
+pub fn scanned(plan: &ScanPlan, port: ToolPort) -> Result<ScanOutcome, CommandFailure> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
-        .map_err(Failure::failed)?;
+        .map_err(CommandFailure::failed)?;
     runtime.block_on(async {
-        let mut findings = Findings::default();
+        let mut findings = ScanFindings::default();
         let mut asker = PortAsker::new(port);
-        let told = told_to_end().map_err(Failure::failed)?;
-        let mut shown = Shown { plan, bar: Bar::new(plan.asks()) };
+        let told = told_to_end().map_err(CommandFailure::failed)?;
+        let mut shown = ShownProgress { plan, bar: ProgressBar::new(plan.asks()) };
         let ended = tokio::select! {
-            done = survey(plan, &mut asker, &mut findings, |event| shown.event(&event)) => done.map_err(Failure::from),
+            done = survey(plan, &mut asker, &mut findings, |event| shown.event(&event)) => done.map_err(CommandFailure::from),
             () = told => Ok(()),
         };
         shown.bar.end();
         asker.close().await;
-        Ok(Scanned { findings, ended, echoes: asker.echoes > 0, late: asker.late })
+        Ok(ScanOutcome { findings, ended, echoes: asker.echoes > 0, late: asker.late })
     })
 }
 
 /// The model candidates, the best first, for people.
-pub fn model_text(finding: &Finding) -> String {
+pub fn model_text(finding: &FoundDrive) -> String {
     let verdict = &finding.verdict;
     let fits: Vec<_> = verdict
         .fits
         .iter()
         .map(|(model, why)| format!("{} ({why})", model.id))
         .collect();
-    let text = match verdict.word() {
+    let text = match verdict.keyword() {
         "probable" => format!("probably {}", fits.join(", ")),
         "possible" => format!("perhaps {}", fits.join(" or ")),
         _ => "answers, but fits no model".to_owned(),
@@ -64,13 +64,13 @@ pub fn model_text(finding: &Finding) -> String {
 }
 
 /// Shows the progress on a terminal.
-struct Shown<'a> {
-    plan: &'a Plan,
-    bar: Bar,
+struct ShownProgress<'a> {
+    plan: &'a ScanPlan,
+    bar: ProgressBar,
 }
 
-impl Shown<'_> {
-    fn event(&mut self, event: &Event<'_>) {
+impl ShownProgress<'_> {
+    fn event(&mut self, event: &ScanEvent<'_>) {
         let at = |number: usize| {
             self.plan
                 .settings
@@ -79,13 +79,13 @@ impl Shown<'_> {
                 .unwrap_or_default()
         };
         match event {
-            Event::Setting(number) => {
+            ScanEvent::Setting(number) => {
                 let text = at(*number);
                 self.bar.to(self.plan.asks_before(*number), &text);
             }
-            Event::Asked => self.bar.step(),
-            Event::Answers(station) => self.bar.line(&format!("station {station} answers")),
-            Event::Told(finding) => {
+            ScanEvent::Asked => self.bar.step(),
+            ScanEvent::Answers(station) => self.bar.line(&format!("station {station} answers")),
+            ScanEvent::Told(finding) => {
                 let text = format!(
                     "station {} at {}: {}",
                     finding.station,

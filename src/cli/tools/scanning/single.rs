@@ -1,12 +1,12 @@
 //! Single reads from one station of which no model is known.
 
-use crate::cli::tools::Failure;
+use crate::cli::tools::CommandFailure;
 use crate::config::PortAddress;
 use crate::daemon::lines::tool_line::ToolPort;
 use crate::daemon::scan::asker::PortAsker;
-pub use crate::daemon::scan::judge::Heard;
-use crate::daemon::scan::plan::{Plan, ScanOptions};
-use crate::daemon::scan::survey::Asker;
+pub use crate::daemon::scan::judge::ReadOutcome;
+use crate::daemon::scan::plan::{ScanOptions, ScanPlan};
+use crate::daemon::scan::survey::LineAsker;
 use crate::domain::address::Address;
 use crate::domain::link::{DirectionControl, LinkSettings};
 use crate::vendors;
@@ -27,7 +27,7 @@ impl SingleReads {
         link: LinkSettings,
         direction: DirectionControl,
         station: u8,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self, CommandFailure> {
         let options = ScanOptions {
             everything: true,
             bauds: vec![link.baud],
@@ -37,11 +37,11 @@ impl SingleReads {
             ..ScanOptions::default()
         };
         let models: Vec<_> = vendors::catalog().models().cloned().collect();
-        let plan = Plan::new(&models, vec![station], &options);
+        let plan = ScanPlan::new(&models, vec![station], &options);
         let setting = plan
             .settings
             .first()
-            .ok_or_else(|| Failure::wrong(format!("no drive is set to {link}")))?;
+            .ok_or_else(|| CommandFailure::wrong(format!("no drive is set to {link}")))?;
         let mut asker = PortAsker::new(ToolPort {
             address: port.clone(),
             link,
@@ -55,7 +55,7 @@ impl SingleReads {
     ///
     /// # Errors
     /// The line is lost, or another master uses it.
-    pub async fn read(&mut self, address: Address) -> Result<Heard, Failure> {
+    pub async fn read(&mut self, address: Address) -> Result<ReadOutcome, CommandFailure> {
         Ok(self.asker.ask(self.station, address).await?)
     }
 

@@ -1,14 +1,14 @@
 //! What a request that changes something must have: the gateway's own page as its origin, a session, and the token that
 //! only that page knows.
 
-use super::Control;
+use super::HttpControl;
 use crate::daemon::host::clock;
 use crate::daemon::http::answers::refusal;
 use crate::domain::ids::CommanderName;
 use crate::north::operator::body::BODY_BYTES_MAX;
-use crate::north::operator::moments::Old;
+use crate::north::operator::moments::OrderAge;
 use crate::north::operator::request::{is_own_page, key_text, session_id};
-use crate::north::operator::rights::Rights;
+use crate::north::operator::rights::UserRights;
 use crate::north::operator::sessions::Key;
 use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::{Request, State};
@@ -34,14 +34,14 @@ const BODY_WITHIN: Duration = Duration::from_secs(10);
 pub(super) type Refused = Box<Response>;
 
 /// A request of a signed-in user.
-pub(super) struct Admitted {
+pub(super) struct AdmittedRequest {
     pub user: CommanderName,
     /// What the user may do.
-    pub rights: Rights,
+    pub rights: UserRights,
     /// The body, up to the longest allowed length.
     pub body: Bytes,
     /// Why the request may be old, if it may. If so, only a stop is executed.
-    pub old: Option<Old>,
+    pub old: Option<OrderAge>,
     /// What is wrong with the body as a whole: too long, broken off or of another type. A stop in it is executed all
     /// the same.
     pub flaw: Option<Refused>,
@@ -49,7 +49,7 @@ pub(super) struct Admitted {
     pub key: Key,
 }
 
-impl Admitted {
+impl AdmittedRequest {
     /// The request, if its body is valid.
     ///
     /// # Errors
@@ -103,7 +103,10 @@ pub(super) fn id_in(headers: &HeaderMap) -> Option<Key> {
 ///
 /// # Errors
 /// What is answered instead.
-pub(super) async fn admit(control: &Control, request: Request) -> Result<Admitted, Refused> {
+pub(super) async fn admit(
+    control: &HttpControl,
+    request: Request,
+) -> Result<AdmittedRequest, Refused> {
     admit_with(control, request, BODY_BYTES_MAX).await
 }
 
@@ -112,10 +115,10 @@ pub(super) async fn admit(control: &Control, request: Request) -> Result<Admitte
 /// # Errors
 /// What is answered instead.
 pub(super) async fn admit_with(
-    control: &Control,
+    control: &HttpControl,
     request: Request,
     bytes_max: usize,
-) -> Result<Admitted, Refused> {
+) -> Result<AdmittedRequest, Refused> {
     is_possible(control)?;
     let (parts, body) = request.into_parts();
     comes_from_own_page(&parts.headers)?;
@@ -157,7 +160,7 @@ pub(super) async fn admit_with(
         .rights(user)
         .cloned()
         .ok_or_else(signed_out)?;
-    Ok(Admitted {
+    Ok(AdmittedRequest {
         user,
         rights,
         body,
@@ -171,7 +174,7 @@ pub(super) async fn admit_with(
 ///
 /// # Errors
 /// What is answered instead.
-pub(super) fn is_possible(control: &Control) -> Result<(), Refused> {
+pub(super) fn is_possible(control: &HttpControl) -> Result<(), Refused> {
     if control.front.load().users().is_empty() {
         let what = "the page cannot send commands: no `users` are configured in [http]";
         return Err(refused(StatusCode::FORBIDDEN, what));
@@ -260,7 +263,11 @@ async fn collect(body: Body, bytes: &mut BytesMut, bytes_max: usize) -> bool {
 
 /// Lets a client see the drives only after it has signed in, where that is configured. The page itself is shown to everybody: it
 /// holds nothing of the plant, and one signs in there.
-pub async fn view(State(control): State<Arc<Control>>, request: Request, next: Next) -> Response {
+pub async fn view(
+    State(control): State<Arc<HttpControl>>,
+    request: Request,
+    next: Next,
+) -> Response {
     if control.front.load().is_private()
         && is_of_plant(&request)
         && !is_signed_in(&control, &request)
@@ -279,12 +286,12 @@ fn is_of_plant(request: &Request) -> bool {
     path.starts_with("/api/v1/") && path != "/api/v1/session"
 }
 
-fn is_signed_in(control: &Control, request: &Request) -> bool {
+fn is_signed_in(control: &HttpControl, request: &Request) -> bool {
     signed_in(control, request.headers()).is_some()
 }
 
 /// What the user who sent `headers` may do; `None` if none is signed in.
-pub(super) fn signed_in(control: &Control, headers: &HeaderMap) -> Option<Rights> {
+pub(super) fn signed_in(control: &HttpControl, headers: &HeaderMap) -> Option<UserRights> {
     let user = control
         .sessions()
         .user(clock::now(), &key_of(&id_in(headers)?))?;

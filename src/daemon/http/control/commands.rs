@@ -1,20 +1,20 @@
 //! Commands of signed-in users: to one drive, or a stop of all.
 
-use super::Control;
-use super::admission::{Admitted, admit};
+use super::HttpControl;
+use super::admission::{AdmittedRequest, admit};
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::host::clock;
 use crate::daemon::http::answers::json;
 use crate::daemon::http::answers::refusal;
 use crate::daemon::http::{setup, standstill};
-use crate::daemon::local::Who;
+use crate::daemon::local::OrderingClient;
 use crate::domain::command::{Order, Outcome, Reason, Report};
 use crate::domain::ids::CommanderName;
 use crate::guard::COMMAND_DEADLINE;
-use crate::journal::Tried;
-use crate::north::command_words::{Refused, stop_in};
-use crate::north::operator::body::{PageCommand, is_empty, wish};
-use crate::north::operator::moments::Old;
+use crate::journal::TriedWrite;
+use crate::north::command_words::{RefusedCommand, stop_in};
+use crate::north::operator::body::{PageCommand, is_empty, parse_command};
+use crate::north::operator::moments::OrderAge;
 use crate::north::shown;
 use crate::north::texts::Sentence;
 use crate::profile::scale::setpoint_step;
@@ -29,11 +29,11 @@ const KEPT_CHARS: usize = 200;
 
 /// Executes a command to one drive and reports its outcome.
 pub(super) async fn command(
-    State(control): State<Arc<Control>>,
+    State(control): State<Arc<HttpControl>>,
     Path(name): Path<String>,
     request: Request,
 ) -> Response {
-    let Admitted {
+    let AdmittedRequest {
         user,
         rights,
         body,
@@ -49,12 +49,12 @@ pub(super) async fn command(
     {
         return *flaw;
     }
-    let who = Who::signed_in(user);
+    let who = OrderingClient::signed_in(user);
     let drive = find(&control, &name);
     let place = drive.as_ref().map(|drive| drive.description.place);
     let keep = |reason| {
         let text = format!("{name}: {}", String::from_utf8_lossy(&body));
-        let tried = Tried::Text(text.chars().take(KEPT_CHARS).collect());
+        let tried = TriedWrite::Text(text.chars().take(KEPT_CHARS).collect());
         control
             .side
             .keep(who, place, tried, Report::refused(reason));
@@ -69,7 +69,7 @@ pub(super) async fn command(
         keep(Reason::NotAllowed);
         return not_allowed(drive);
     }
-    match wish(&body, setpoint_step(&drive.description.model)) {
+    match parse_command(&body, setpoint_step(&drive.description.model)) {
         Ok(mut wish) => {
             if !is_allowed {
                 leave_the_stop_alone(&mut wish);
@@ -82,13 +82,13 @@ pub(super) async fn command(
                     keep(Reason::Stale);
                     (Report::refused(Reason::Stale), Some(old))
                 }
-                None => (carry_out(&control, who, drive, &wish).await, wish.beside),
+                None => (execute(&control, who, drive, &wish).await, wish.beside),
             };
             json(&told_with(drive, report, message)).into_response()
         }
-        Err(Refused { reason, message }) => {
+        Err(RefusedCommand { reason, message }) => {
             keep(reason);
-            let mut answer = told(drive, Report::refused(reason));
+            let mut answer = outcome_json(drive, Report::refused(reason));
             answer["message"] = message.as_str().into();
             answer["error"] = message.into();
             (StatusCode::BAD_REQUEST, json(&answer)).into_response()
@@ -104,7 +104,12 @@ fn leave_the_stop_alone(wish: &mut PageCommand) {
     }
 }
 
-async fn carry_out(control: &Control, who: Who, drive: &SharedDrive, wish: &PageCommand) -> Report {
+async fn execute(
+    control: &HttpControl,
+    who: OrderingClient,
+    drive: &SharedDrive,
+    wish: &PageCommand,
+) -> Report {
     let place = drive.description.place;
     let begun = clock::now();
     let taken = if wish.takes {
@@ -121,7 +126,7 @@ async fn carry_out(control: &Control, who: Who, drive: &SharedDrive, wish: &Page
             let report = Report::new(Outcome::Expired, Reason::TooLate);
             control
                 .side
-                .keep(who, Some(place), Tried::Order(order), report);
+                .keep(who, Some(place), TriedWrite::Order(order), report);
             report
         }
         (_, Some(order)) => control.side.command(who, place, order).await,
@@ -131,17 +136,19 @@ async fn carry_out(control: &Control, who: Who, drive: &SharedDrive, wish: &Page
 
 /// Who asks with an empty body about the drive `name`, which that user may command, and why the request may be old.
 async fn for_drive(
-    control: &Arc<Control>,
+    control: &Arc<HttpControl>,
     name: &str,
     request: Request,
-) -> Result<(CommanderName, Option<Old>, Arc<SharedDrive>), Box<Response>> {
-    let Admitted {
+) -> Result<(CommanderName, Option<OrderAge>, Arc<SharedDrive>), Box<Response>> {
+    let AdmittedRequest {
         user,
         rights,
         body,
         old,
         ..
-    } = admit(control, request).await.and_then(Admitted::whole)?;
+    } = admit(control, request)
+        .await
+        .and_then(AdmittedRequest::whole)?;
     if !is_empty(&body) {
         return Err(Box::new(refusal(
             StatusCode::BAD_REQUEST,
@@ -159,7 +166,7 @@ async fn for_drive(
 
 /// Renews the lease of the signed-in user.
 pub(super) async fn renew(
-    State(control): State<Arc<Control>>,
+    State(control): State<Arc<HttpControl>>,
     Path(name): Path<String>,
     request: Request,
 ) -> Response {
@@ -171,7 +178,11 @@ pub(super) async fn renew(
         None => {
             control
                 .side
-                .command(Who::signed_in(user), drive.description.place, Order::Renew)
+                .command(
+                    OrderingClient::signed_in(user),
+                    drive.description.place,
+                    Order::Renew,
+                )
                 .await
         }
         Some(_) => Report::refused(Reason::Stale),
@@ -179,7 +190,7 @@ pub(super) async fn renew(
     if report.outcome == Outcome::Acknowledged {
         return StatusCode::NO_CONTENT.into_response();
     }
-    let mut answer = told(&drive, report);
+    let mut answer = outcome_json(&drive, report);
     answer["error"] = old
         .map_or_else(|| report.message(), |old| old.to_string())
         .into();
@@ -189,7 +200,7 @@ pub(super) async fn renew(
 /// The signed-in user confirms that the motor of a drive that is out of sight stands. It ends what is reported of the
 /// drive, and sends it nothing.
 pub(super) async fn confirm_standstill(
-    State(control): State<Arc<Control>>,
+    State(control): State<Arc<HttpControl>>,
     Path(name): Path<String>,
     request: Request,
 ) -> Response {
@@ -198,17 +209,20 @@ pub(super) async fn confirm_standstill(
         Err(refused) => return *refused,
     };
     if let Some(old) = old {
-        let mut answer = told(&drive, Report::refused(Reason::Stale));
+        let mut answer = outcome_json(&drive, Report::refused(Reason::Stale));
         answer["error"] = old.to_string().into();
         return (StatusCode::CONFLICT, json(&answer)).into_response();
     }
-    standstill::confirm(&control.side, Who::signed_in(user), &drive)
+    standstill::confirm(&control.side, OrderingClient::signed_in(user), &drive)
 }
 
 /// Stops every drive that may be commanded from the page, whatever the body says. Each line finds its orders together,
 /// so that it can stop its drives with one frame.
-pub(super) async fn stop_all(State(control): State<Arc<Control>>, request: Request) -> Response {
-    let Admitted {
+pub(super) async fn stop_all(
+    State(control): State<Arc<HttpControl>>,
+    request: Request,
+) -> Response {
+    let AdmittedRequest {
         user,
         rights,
         body,
@@ -218,7 +232,7 @@ pub(super) async fn stop_all(State(control): State<Arc<Control>>, request: Reque
         Ok(admitted) => admitted,
         Err(refused) => return *refused,
     };
-    let who = Who::signed_in(user);
+    let who = OrderingClient::signed_in(user);
     let shared = control.side.shared();
     let order = Order::Stop { setpoint: None };
     let is_ours = |drive: &&Arc<SharedDrive>| {
@@ -237,7 +251,7 @@ pub(super) async fn stop_all(State(control): State<Arc<Control>>, request: Reque
         control.side.keep(
             who,
             None,
-            Tried::Order(order),
+            TriedWrite::Order(order),
             Report::refused(Reason::NotAllowed),
         );
         return refusal(
@@ -247,7 +261,7 @@ pub(super) async fn stop_all(State(control): State<Arc<Control>>, request: Reque
     }
     let mut ends = Vec::with_capacity(drives.len());
     for (drive, ordered) in drives.into_iter().zip(ordered) {
-        ends.push(told(drive, ordered.end().await));
+        ends.push(outcome_json(drive, ordered.end().await));
     }
     let mut answer = json!({ "drives": ends });
     if flaw.is_some() || !is_empty(&body) {
@@ -257,13 +271,13 @@ pub(super) async fn stop_all(State(control): State<Arc<Control>>, request: Reque
 }
 
 fn not_allowed(drive: &SharedDrive) -> Response {
-    let mut answer = told(drive, Report::refused(Reason::NotAllowed));
+    let mut answer = outcome_json(drive, Report::refused(Reason::NotAllowed));
     answer["error"] = "your role or your groups in [[http.users]] do not allow this".into();
     (StatusCode::FORBIDDEN, json(&answer)).into_response()
 }
 
 /// The outcome of an order.
-fn told(drive: &SharedDrive, report: Report) -> Value {
+fn outcome_json(drive: &SharedDrive, report: Report) -> Value {
     let mut told = setup::outcome_at(drive, report, Vec::new());
     told["holder"] = report.holder.map(|holder| holder.to_string()).into();
     told["said"] = shown::said(&drive.description.model, &report).document();
@@ -279,7 +293,7 @@ fn told(drive: &SharedDrive, report: Report) -> Value {
 
 /// The outcome of an order, with what else there is to say.
 fn told_with(drive: &SharedDrive, report: Report, message: Option<String>) -> Value {
-    let mut answer = told(drive, report);
+    let mut answer = outcome_json(drive, report);
     if let Some(message) = message {
         // What stands beside a stop is more than the reason says.
         if report.reason != Reason::Stale {
@@ -291,7 +305,7 @@ fn told_with(drive: &SharedDrive, report: Report, message: Option<String>) -> Va
 }
 
 /// The drive called `name`.
-pub(super) fn find(control: &Control, name: &str) -> Option<Arc<SharedDrive>> {
+pub(super) fn find(control: &HttpControl, name: &str) -> Option<Arc<SharedDrive>> {
     control
         .side
         .shared()
@@ -301,7 +315,7 @@ pub(super) fn find(control: &Control, name: &str) -> Option<Arc<SharedDrive>> {
         .cloned()
 }
 
-fn unknown(control: &Control, name: &str) -> Response {
+fn unknown(control: &HttpControl, name: &str) -> Response {
     let shared = control.side.shared();
     let names: Vec<_> = shared
         .drives

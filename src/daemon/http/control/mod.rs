@@ -12,13 +12,13 @@ mod tests;
 pub(super) use admission::view;
 pub(super) use routes::router;
 
-use super::front::Front;
-use crate::daemon::commissioning::{Commissioning, Site};
+use super::front::ClientRequirements;
+use crate::daemon::commissioning::{Commissioning, ConfigSite};
 use crate::daemon::local::LocalSide;
 use crate::domain::ids::CommanderName;
-use crate::north::operator::attempts::Attempts;
-use crate::north::operator::moments::Moments;
-use crate::north::operator::sessions::Sessions;
+use crate::north::operator::attempts::SignInAttempts;
+use crate::north::operator::moments::SealedMoments;
+use crate::north::operator::sessions::UserSessions;
 use arc_swap::ArcSwap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::{Notify, Semaphore};
@@ -30,25 +30,30 @@ const SIGN_INS_MAX: usize = 8;
 
 /// The signed-in users, and the path of their orders.
 #[derive(Debug)]
-pub struct Control {
+pub struct HttpControl {
     side: Arc<LocalSide>,
     /// The moments that orders name.
-    moments: Moments,
+    moments: SealedMoments,
     /// `None` without a configuration file.
     commissioning: Option<Arc<Commissioning>>,
-    front: Arc<ArcSwap<Front>>,
+    front: Arc<ArcSwap<ClientRequirements>>,
     changed: Arc<Notify>,
-    sessions: Mutex<Sessions>,
-    attempts: Mutex<Attempts>,
+    sessions: Mutex<UserSessions>,
+    attempts: Mutex<SignInAttempts>,
     verifications: Arc<Semaphore>,
     sign_ins: Semaphore,
 }
 
-impl Control {
+impl HttpControl {
     /// Starts with no user signed in. Orders are sent through `side` and name one of `moments`; users are those of
     /// `front`, and those with the right to may change the configuration at `site`.
     #[must_use]
-    pub fn new(side: Arc<LocalSide>, moments: Moments, front: Front, site: Option<Site>) -> Self {
+    pub fn new(
+        side: Arc<LocalSide>,
+        moments: SealedMoments,
+        front: ClientRequirements,
+        site: Option<ConfigSite>,
+    ) -> Self {
         Self {
             commissioning: site.map(|site| Arc::new(Commissioning::new(site, Arc::clone(&side)))),
             side,
@@ -64,7 +69,7 @@ impl Control {
 
     /// Applies `front` from now on. Users who are no longer in it, or have another password, are signed out; the others
     /// notice nothing.
-    pub fn change(&self, front: Front) {
+    pub fn change(&self, front: ClientRequirements) {
         let before = self.front.swap(Arc::new(front));
         let front = self.front.load();
         self.sessions()
@@ -74,7 +79,7 @@ impl Control {
     }
 
     /// What the listener requires of clients.
-    pub(super) const fn front(&self) -> &Arc<ArcSwap<Front>> {
+    pub(super) const fn front(&self) -> &Arc<ArcSwap<ClientRequirements>> {
         &self.front
     }
 
@@ -83,11 +88,11 @@ impl Control {
         &self.changed
     }
 
-    fn sessions(&self) -> MutexGuard<'_, Sessions> {
+    fn sessions(&self) -> MutexGuard<'_, UserSessions> {
         self.sessions.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn attempts(&self) -> MutexGuard<'_, Attempts> {
+    fn attempts(&self) -> MutexGuard<'_, SignInAttempts> {
         self.attempts.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

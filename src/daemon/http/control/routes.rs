@@ -1,11 +1,11 @@
 //! The routes that need a sign-in.
 
-use super::admission::{Admitted, admit};
-use super::{Control, commands, commissioning, sign_in};
+use super::admission::{AdmittedRequest, admit};
+use super::{HttpControl, commands, commissioning, sign_in};
 use crate::daemon::http::answers::refusal;
-use crate::daemon::http::diagnostics::{Diagnostics, answer};
+use crate::daemon::http::diagnostics::{ArchiveMaker, answer};
 use crate::daemon::http::hand_over;
-use crate::daemon::local::Who;
+use crate::daemon::local::OrderingClient;
 use axum::Router;
 use axum::extract::{Request, State};
 use axum::http::StatusCode;
@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 /// The routes of control. Orders have no bound of their own: a connection sends one at a time, and connections are
 /// bounded.
-pub fn router(control: Arc<Control>, diagnostics: Arc<Diagnostics>) -> Router {
+pub fn router(control: Arc<HttpControl>, diagnostics: Arc<ArchiveMaker>) -> Router {
     let for_users = (Arc::clone(&control), diagnostics);
     Router::new()
         .route(
@@ -41,13 +41,16 @@ pub fn router(control: Arc<Control>, diagnostics: Arc<Diagnostics>) -> Router {
         )
 }
 
-type ForUsers = (Arc<Control>, Arc<Diagnostics>);
+type ForUsers = (Arc<HttpControl>, Arc<ArchiveMaker>);
 
 async fn diagnostics_for_user(
     State((control, diagnostics)): State<ForUsers>,
     request: Request,
 ) -> Response {
-    match admit(&control, request).await.and_then(Admitted::whole) {
+    match admit(&control, request)
+        .await
+        .and_then(AdmittedRequest::whole)
+    {
         Ok(admitted) if !admitted.rights.may_maintain() => refusal(
             StatusCode::FORBIDDEN,
             "diagnostics need the role `maintain`",
@@ -60,15 +63,25 @@ async fn diagnostics_for_user(
     }
 }
 
-async fn yield_lines(State(control): State<Arc<Control>>, request: Request) -> Response {
-    match admit(&control, request).await.and_then(Admitted::whole) {
+async fn yield_lines(State(control): State<Arc<HttpControl>>, request: Request) -> Response {
+    match admit(&control, request)
+        .await
+        .and_then(AdmittedRequest::whole)
+    {
         Ok(admitted) if !admitted.rights.may_maintain() => refusal(
             StatusCode::FORBIDDEN,
             "to give a line to the other gateway needs the role `maintain`",
         ),
-        Ok(Admitted { old: Some(old), .. }) => refusal(StatusCode::CONFLICT, &old.to_string()),
-        Ok(Admitted { user, body, .. }) => {
-            hand_over::answer(Arc::clone(&control.side), Who::signed_in(user), &body).await
+        Ok(AdmittedRequest { old: Some(old), .. }) => {
+            refusal(StatusCode::CONFLICT, &old.to_string())
+        }
+        Ok(AdmittedRequest { user, body, .. }) => {
+            hand_over::answer(
+                Arc::clone(&control.side),
+                OrderingClient::signed_in(user),
+                &body,
+            )
+            .await
         }
         Err(refused) => *refused,
     }

@@ -1,17 +1,17 @@
 //! Signing in and out.
 
-use super::Control;
+use super::HttpControl;
 use super::admission::{
     Refused, admit, comes_from_own_page, id_in, is_possible, json_body, key_of, refused, token_of,
 };
 use crate::daemon::host::clock;
 use crate::daemon::http::answers::json;
-use crate::daemon::http::entrance::Peer;
-use crate::daemon::http::front::{Front, User};
+use crate::daemon::http::entrance::PeerAddress;
+use crate::daemon::http::front::{ClientRequirements, HttpUser};
 use crate::domain::ids::{CommanderName, Name};
 use crate::north::operator::body::{self, SIGN_IN_EXAMPLE};
 use crate::north::operator::request::{COOKIE, key_text};
-use crate::north::operator::rights::Rights;
+use crate::north::operator::rights::UserRights;
 use crate::north::operator::sessions::Key;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
@@ -27,7 +27,10 @@ use tokio::time::timeout;
 const VERIFIED_WITHIN: Duration = Duration::from_secs(5);
 
 /// Whether control is possible, who is signed in, and the moment for the next order.
-pub(super) async fn session(State(control): State<Arc<Control>>, headers: HeaderMap) -> Response {
+pub(super) async fn session(
+    State(control): State<Arc<HttpControl>>,
+    headers: HeaderMap,
+) -> Response {
     let front = control.front.load_full();
     let is_enabled = !front.users().is_empty();
     let id = if is_enabled { id_in(&headers) } else { None };
@@ -47,27 +50,27 @@ pub(super) async fn session(State(control): State<Arc<Control>>, headers: Header
 }
 
 /// Who is signed in, what this user may do, and the token that the user's requests carry.
-fn signed_in_as(front: &Front, user: CommanderName, token: String) -> Value {
+fn signed_in_as(front: &ClientRequirements, user: CommanderName, token: String) -> Value {
     let rights = front.rights(user);
     let groups = rights.and_then(|rights| rights.groups.as_ref());
     json!({
         "user": user.as_str(),
-        "role": rights.map(|rights| rights.role.word()),
+        "role": rights.map(|rights| rights.role.keyword()),
         "groups": groups.map(|groups| groups.iter().map(Name::as_str).collect::<Vec<_>>()),
-        "setup": front.sets_up() && rights.is_some_and(Rights::may_set_up),
+        "setup": front.sets_up() && rights.is_some_and(UserRights::may_set_up),
         "token": token,
     })
 }
 
 /// Signs in.
-pub(super) async fn sign_in(State(control): State<Arc<Control>>, request: Request) -> Response {
+pub(super) async fn sign_in(State(control): State<Arc<HttpControl>>, request: Request) -> Response {
     match signed_in(&control, request).await {
         Ok(answer) => answer,
         Err(refused) => *refused,
     }
 }
 
-async fn signed_in(control: &Control, request: Request) -> Result<Response, Refused> {
+async fn signed_in(control: &HttpControl, request: Request) -> Result<Response, Refused> {
     is_possible(control)?;
     let (parts, body) = request.into_parts();
     comes_from_own_page(&parts.headers)?;
@@ -81,8 +84,8 @@ async fn signed_in(control: &Control, request: Request) -> Result<Response, Refu
     let (name, password) = body::sign_in(&body).ok_or_else(expected)?;
     let peer = parts
         .extensions
-        .get::<Peer>()
-        .map_or(IpAddr::V4(Ipv4Addr::LOCALHOST), |Peer(peer)| *peer);
+        .get::<PeerAddress>()
+        .map_or(IpAddr::V4(Ipv4Addr::LOCALHOST), |PeerAddress(peer)| *peer);
     // Not counted as an attempt: nothing was compared.
     let Ok(_place) = control.sign_ins.try_acquire() else {
         return Err(busy());
@@ -140,7 +143,7 @@ fn wait_first(wait: Duration, peer: IpAddr) -> Refused {
 
 /// The user called `name`, if `password` is right. Takes equally long for a user who does not exist.
 async fn verified(
-    control: &Control,
+    control: &HttpControl,
     name: &str,
     password: String,
 ) -> Result<Option<CommanderName>, Refused> {
@@ -158,7 +161,8 @@ async fn verified(
         .iter()
         .find(|user| user.name.as_str() == name)
         .cloned();
-    let Some(User { name, hash, .. }) = known.clone().or_else(|| front.users().first().cloned())
+    let Some(HttpUser { name, hash, .. }) =
+        known.clone().or_else(|| front.users().first().cloned())
     else {
         return Ok(None);
     };
@@ -172,7 +176,10 @@ async fn verified(
 }
 
 /// Signs out.
-pub(super) async fn sign_out(State(control): State<Arc<Control>>, request: Request) -> Response {
+pub(super) async fn sign_out(
+    State(control): State<Arc<HttpControl>>,
+    request: Request,
+) -> Response {
     let admitted = match admit(&control, request).await {
         Ok(admitted) => admitted,
         Err(refused) => return *refused,
@@ -191,7 +198,7 @@ fn random() -> Option<Key> {
 }
 
 /// Scripts cannot read the cookie, and other pages cannot have it sent.
-fn set_cookie(control: &Control, answer: &mut Response, id: &str, more: &str) {
+fn set_cookie(control: &HttpControl, answer: &mut Response, id: &str, more: &str) {
     let secure = if control.front.load().tls().is_some() {
         "; Secure"
     } else {

@@ -1,14 +1,14 @@
 //! Sign-in, orders and places over real sockets, with a line that the test plays.
 
-use super::super::front::Front;
+use super::super::front::ClientRequirements;
 use super::super::tests::{on_a_runtime, state};
-use super::Control;
-use crate::config::{HashSource, HttpSettings, HttpTls, UserSettings, Viewers};
-use crate::daemon::exchange::answers::{AnswerBox, News};
-use crate::daemon::exchange::inbox::Message;
-use crate::daemon::exchange::shared::Shared;
+use super::HttpControl;
+use crate::config::{HashSource, HttpSettings, HttpTls, PageViewers, UserSettings};
+use crate::daemon::exchange::answers::{AnswerBox, LineNews};
+use crate::daemon::exchange::inbox::LineMessage;
+use crate::daemon::exchange::shared::SharedPlant;
 use crate::daemon::host::clock;
-use crate::daemon::http::{self, CONNECTIONS_MAX, State};
+use crate::daemon::http::{self, CONNECTIONS_MAX, HttpState};
 use crate::daemon::local::LocalSide;
 use crate::daemon::testing::Dir;
 use crate::domain::command::{
@@ -18,9 +18,9 @@ use crate::domain::control::{ControlSettings, FailSafe};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{CommanderName, Name};
 use crate::guard::COMMAND_DEADLINE;
-use crate::north::operator::moments::{AGE_MAX, Moments};
+use crate::north::operator::moments::{AGE_MAX, SealedMoments};
 use crate::north::operator::password::StoredHash;
-use crate::north::operator::rights::{Rights, Role};
+use crate::north::operator::rights::{UserRights, UserRole};
 use serde_json::{Value, json};
 use std::cell::{Cell, RefCell};
 use std::net::SocketAddr;
@@ -40,8 +40,8 @@ fn hash() -> StoredHash {
 }
 
 fn settings(users: &[&str]) -> HttpSettings {
-    let rights = Rights {
-        role: Role::Maintain,
+    let rights = UserRights {
+        role: UserRole::Maintain,
         groups: None,
     };
     let user = |name: &&str| UserSettings {
@@ -53,7 +53,7 @@ fn settings(users: &[&str]) -> HttpSettings {
         listen: "127.0.0.1:0".parse().unwrap(),
         allow: None,
         hosts: vec!["gw.example".to_owned()],
-        view: Viewers::Anyone,
+        view: PageViewers::Anyone,
         setup: false,
         users: users.iter().map(user).collect(),
         tls: None,
@@ -63,7 +63,7 @@ fn settings(users: &[&str]) -> HttpSettings {
 /// Two drives, of which the page may command the first, on a line that confirms every order.
 struct House {
     address: SocketAddr,
-    control: Arc<Control>,
+    control: Arc<HttpControl>,
     heard: Rc<RefCell<Vec<(Owner, Order)>>>,
     /// The line grants control, but only after longer than an order may wait.
     gives_late: Rc<Cell<bool>>,
@@ -93,11 +93,11 @@ fn house_of(users: &[&str]) -> House {
         description
     };
     let line = (shared.lines[0].name.clone(), shared.lines[0].interface);
-    let shared = Arc::new(Shared::new(
+    let shared = Arc::new(SharedPlant::new(
         vec![line],
         vec![drive("pump-1", 0, true), drive("pump-2", 1, false)],
     ));
-    let state = State {
+    let state = HttpState {
         shared: Arc::clone(&shared).into(),
         mqtt: None.into(),
         ..Arc::into_inner(plain).unwrap()
@@ -113,11 +113,11 @@ fn house_of(users: &[&str]) -> House {
         Rc::clone(&heard),
         Rc::clone(&gives_late),
     ));
-    let documents = http::Documents::new(Arc::new(state));
-    let control = Arc::new(Control::new(
+    let documents = http::RouteDocuments::new(Arc::new(state));
+    let control = Arc::new(HttpControl::new(
         side,
         documents.live.moments().clone(),
-        Front::read(&settings(users)).unwrap(),
+        ClientRequirements::read(&settings(users)).unwrap(),
         None,
     ));
     let listener = TcpListener::from_std(listener).unwrap();
@@ -132,7 +132,7 @@ fn house_of(users: &[&str]) -> House {
 }
 
 async fn play(
-    shared: Arc<Shared>,
+    shared: Arc<SharedPlant>,
     answers: Arc<AnswerBox>,
     heard: Rc<RefCell<Vec<(Owner, Order)>>>,
     gives_late: Rc<Cell<bool>>,
@@ -142,7 +142,7 @@ async fn play(
         shared.lines[0].inbox.take(&mut batch);
         let mut news = Vec::new();
         for message in batch.drain(..) {
-            let Message::Command(CommandRequest {
+            let LineMessage::Command(CommandRequest {
                 asker,
                 ticket,
                 drive,
@@ -163,7 +163,7 @@ async fn play(
                 _ => Report::new(Outcome::Confirmed, Reason::None),
             };
             heard.borrow_mut().push((origin.owner, order));
-            news.push(News::Command(CommandAnswer {
+            news.push(LineNews::Command(CommandAnswer {
                 asker,
                 ticket,
                 drive,
@@ -399,7 +399,7 @@ fn of_what_waited_as_a_whole_on_its_way_only_a_stop_is_carried_out() {
             .control
             .moments
             .at(clock::now().before(AGE_MAX + Duration::from_millis(30_000)));
-        let of_another_process = Moments::new(1).at(clock::now());
+        let of_another_process = SealedMoments::new(1).at(clock::now());
         let guessed = house
             .control
             .moments
@@ -468,13 +468,15 @@ fn a_role_and_groups_say_what_a_user_may_do_and_a_private_gateway_shows_nothing_
     on_a_runtime(async {
         let house = house_of(&["anna", "bob", "carl"]);
         let mut next = settings(&["anna", "bob", "carl"]);
-        next.view = Viewers::SignedIn;
-        next.users[1].rights.role = Role::View;
-        next.users[2].rights = Rights {
-            role: Role::Operate,
+        next.view = PageViewers::SignedIn;
+        next.users[1].rights.role = UserRole::View;
+        next.users[2].rights = UserRights {
+            role: UserRole::Operate,
             groups: Some([Name::new("water").unwrap()].into()),
         };
-        house.control.change(Front::read(&next).unwrap());
+        house
+            .control
+            .change(ClientRequirements::read(&next).unwrap());
         for path in [
             "/api/v1/state",
             "/api/v1/events",
@@ -639,7 +641,9 @@ fn a_new_front_signs_out_anyone_who_is_not_in_it_any_more() {
         let carl = house.sign_in("carl").await;
         let mut next = settings(&["bob", "carl"]);
         next.users[1].hash = HashSource::Text(StoredHash::make("another horse", &[8; 16]).unwrap());
-        house.control.change(Front::read(&next).unwrap());
+        house
+            .control
+            .change(ClientRequirements::read(&next).unwrap());
         let user = async |head: &str| {
             house.ask("GET", "/api/v1/session", head, "").await.2["user"].clone()
         };
@@ -647,7 +651,9 @@ fn a_new_front_signs_out_anyone_who_is_not_in_it_any_more() {
             (user(&anna).await, user(&bob).await, user(&carl).await),
             (Value::Null, "bob".into(), Value::Null)
         );
-        house.control.change(Front::read(&settings(&[])).unwrap());
+        house
+            .control
+            .change(ClientRequirements::read(&settings(&[])).unwrap());
         assert_eq!(house.ask("POST", "/api/v1/stop", &bob, "{}").await.0, 403);
     });
 }
@@ -665,7 +671,7 @@ fn a_new_list_of_networks_ends_the_connections_that_it_would_not_let_in() {
         };
         house
             .control
-            .change(Front::read(&of("127.0.0.0/8")).unwrap());
+            .change(ClientRequirements::read(&of("127.0.0.0/8")).unwrap());
         assert_eq!(
             house.ask("GET", "/healthz", "", "").await.0,
             200,
@@ -674,7 +680,7 @@ fn a_new_list_of_networks_ends_the_connections_that_it_would_not_let_in() {
         again(&mut idle, "/healthz").await;
         house
             .control
-            .change(Front::read(&of("10.0.0.0/8")).unwrap());
+            .change(ClientRequirements::read(&of("10.0.0.0/8")).unwrap());
         ends(&mut idle).await;
         ends(&mut listening).await;
         let mut refused = TcpStream::connect(house.address).await.unwrap();
@@ -701,7 +707,7 @@ fn no_connection_stays_in_plain_view_once_there_is_a_certificate() {
         let house = house_of(&["anna"]);
         let mut idle = house.open("/healthz").await;
         house.control.change(
-            Front::read(&HttpSettings {
+            ClientRequirements::read(&HttpSettings {
                 tls: Some(tls),
                 ..settings(&["anna"])
             })
@@ -838,7 +844,7 @@ fn files_that_cannot_be_used_are_all_reported() {
         cert_file,
         key_file,
     });
-    let told = Front::read(&wrong).unwrap_err();
+    let told = ClientRequirements::read(&wrong).unwrap_err();
     for part in [
         "/nonexistent/anna.hash: ",
         "/nonexistent/cert.pem: ",
@@ -848,7 +854,7 @@ fn files_that_cannot_be_used_are_all_reported() {
     }
     wrong.users[0].hash = HashSource::File(file!().into());
     wrong.tls = None;
-    let told = Front::read(&wrong).unwrap_err();
+    let told = ClientRequirements::read(&wrong).unwrap_err();
     assert!(
         told.ends_with("right is what `vfd-gateway password` prints"),
         "{told}"

@@ -8,8 +8,8 @@ mod routes;
 pub use routes::SECONDS;
 pub(super) use routes::{answer, own_router};
 
-use super::routes::{Documents, router};
-use super::state::State;
+use super::routes::{RouteDocuments, router};
+use super::state::HttpState;
 use crate::config::without_secrets;
 use crate::daemon::host::archive::{ArchivedFile, archive};
 use crate::daemon::host::{about, clock, recent_log, user_files};
@@ -19,7 +19,7 @@ use axum::body::{Body, to_bytes};
 use axum::http::Request;
 use hyper::service::Service;
 use hyper_util::service::TowerToHyperService;
-use recording::Recording;
+use recording::LineRecording;
 use std::io;
 use std::sync::Arc;
 use std::time::Duration;
@@ -57,15 +57,15 @@ lines/NAME/traffic.pcapng   what was sent on it while this archive was made, for
 
 /// Makes archives, one at a time.
 #[derive(Debug)]
-pub(super) struct Diagnostics {
-    state: Arc<State>,
+pub(super) struct ArchiveMaker {
+    state: Arc<HttpState>,
     documents: Router,
     place: Semaphore,
 }
 
-impl Diagnostics {
+impl ArchiveMaker {
     /// Archives of `documents`.
-    pub fn new(documents: Documents) -> Self {
+    pub fn new(documents: RouteDocuments) -> Self {
         Self {
             state: Arc::clone(&documents.state),
             documents: router(documents),
@@ -130,13 +130,17 @@ impl Diagnostics {
     /// What is sent on the lines for `span`, a file for each line.
     async fn traffic(&self, span: Duration) -> Vec<ArchivedFile> {
         let lines = self.state.shared.get();
-        let mut recordings: Vec<_> = lines.lines.iter().filter_map(Recording::begin).collect();
+        let mut recordings: Vec<_> = lines
+            .lines
+            .iter()
+            .filter_map(LineRecording::begin)
+            .collect();
         let until = Instant::now() + span;
         while Instant::now() < until {
             sleep(EVERY.min(until - Instant::now())).await;
-            recordings.iter_mut().for_each(Recording::take);
+            recordings.iter_mut().for_each(LineRecording::take);
         }
-        let files = recordings.into_iter().map(Recording::end);
+        let files = recordings.into_iter().map(LineRecording::end);
         files
             .map(|(line, file)| ArchivedFile::new(format!("lines/{line}/traffic.pcapng"), file))
             .collect()

@@ -1,10 +1,10 @@
 //! The traffic of a line, recorded for diagnostics as a file for network analysers.
 
 use crate::daemon::exchange::shared::SharedLine;
-use crate::daemon::exchange::traffic::{Listener, RECORDS_MAX};
+use crate::daemon::exchange::traffic::{RECORDS_MAX, TrafficListener};
 use crate::daemon::host::clock;
 use crate::daemon::http::traffic::{WallClock, about, facts};
-use crate::north::traffic::Decoder;
+use crate::north::traffic::TrafficDecoder;
 use crate::north::traffic::packets::{PacketFrame, beginning_of};
 use crate::north::traffic::pcapng;
 use std::env::consts::{ARCH, OS};
@@ -14,18 +14,18 @@ use std::sync::Arc;
 const BYTES_MAX: usize = 2 * 1024 * 1024;
 
 /// The recording of one line.
-pub(super) struct Recording {
-    listener: Listener,
-    decoder: Decoder,
+pub(super) struct LineRecording {
+    listener: TrafficListener,
+    decoder: TrafficDecoder,
     clock: WallClock,
     file: Vec<u8>,
 }
 
-impl Recording {
+impl LineRecording {
     /// Records `line` from now on; `None` if too many clients watch it.
     pub fn begin(line: &Arc<SharedLine>) -> Option<Self> {
-        let listener = Listener::new(Arc::clone(line), None, clock::now)?;
-        let decoder = Decoder::new(facts(line));
+        let listener = TrafficListener::new(Arc::clone(line), None, clock::now)?;
+        let decoder = TrafficDecoder::new(facts(line));
         Some(Self {
             listener,
             decoder,

@@ -1,6 +1,6 @@
 //! The routes of diagnostics: over the socket for the program's own command, and for signed-in users of the page.
 
-use super::Diagnostics;
+use super::ArchiveMaker;
 use crate::daemon::http::answers::refusal;
 use axum::Router;
 use axum::extract::{RawQuery, State};
@@ -17,13 +17,13 @@ pub const SECONDS: RangeInclusive<u64> = 1..=120;
 const SECONDS_USUAL: u64 = 10;
 
 /// The route of the program's own command.
-pub fn own_router(diagnostics: Arc<Diagnostics>) -> Router {
+pub fn own_router(diagnostics: Arc<ArchiveMaker>) -> Router {
     Router::new()
         .route("/api/v1/diagnostics", get(own))
         .with_state(diagnostics)
 }
 
-async fn own(State(diagnostics): State<Arc<Diagnostics>>, RawQuery(query): RawQuery) -> Response {
+async fn own(State(diagnostics): State<Arc<ArchiveMaker>>, RawQuery(query): RawQuery) -> Response {
     let seconds = query.as_deref().map_or(Some(SECONDS_USUAL), |query| {
         query.strip_prefix("seconds=")?.parse().ok()
     });
@@ -40,11 +40,11 @@ async fn own(State(diagnostics): State<Arc<Diagnostics>>, RawQuery(query): RawQu
 }
 
 /// The archive for a user of the page.
-pub async fn answer(diagnostics: &Diagnostics) -> Response {
+pub async fn answer(diagnostics: &ArchiveMaker) -> Response {
     made(diagnostics, SECONDS_USUAL).await
 }
 
-async fn made(diagnostics: &Diagnostics, seconds: u64) -> Response {
+async fn made(diagnostics: &ArchiveMaker, seconds: u64) -> Response {
     let Some(_place) = diagnostics.place() else {
         return refusal(
             StatusCode::SERVICE_UNAVAILABLE,

@@ -33,14 +33,14 @@ pub fn too_many_readers() -> Response {
 
 /// The form of an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
+pub enum LiveFormat {
     /// One document.
     Json,
     /// Rows with commas.
     Csv,
 }
 
-impl Format {
+impl LiveFormat {
     /// The form that `format` of a query names: JSON without one.
     ///
     /// # Errors

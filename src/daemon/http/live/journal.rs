@@ -1,14 +1,14 @@
 //! Rows of the journal for HTTP clients, read on other threads and bounded in number.
 
-use super::Live;
-use super::answers::{Format, no_journal, too_many_readers, wrong};
-use super::query::Query;
+use super::LiveDocuments;
+use super::answers::{LiveFormat, no_journal, too_many_readers, wrong};
+use super::query::QueryKeys;
 use crate::daemon::host::clock;
 use crate::daemon::http::taking::PIECE_BYTES;
 use crate::daemon::journal::listing;
 use crate::daemon::journal::reader::{connect, row};
-use crate::daemon::journal::search::{self, SearchResult, Since, Wanted};
-use crate::journal::Table;
+use crate::daemon::journal::search::{self, SearchResult, SearchStart, WantedRows};
+use crate::journal::JournalTable;
 use axum::BoxError;
 use axum::body::{Body, HttpBody};
 use axum::extract::{RawQuery, State};
@@ -32,12 +32,12 @@ const KEYS: [&str; 5] = ["table", "drive", "since", "last", "format"];
 /// A parsed query.
 #[derive(Debug)]
 struct JournalQuery {
-    wanted: Wanted,
+    wanted: WantedRows,
     last: usize,
-    format: Format,
+    format: LiveFormat,
 }
 
-pub async fn rows(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> Response {
+pub async fn rows(State(live): State<Arc<LiveDocuments>>, RawQuery(query): RawQuery) -> Response {
     let asked = match asked(query.as_deref()) {
         Ok(asked) => asked,
         Err(what) => return wrong(StatusCode::BAD_REQUEST, what),
@@ -50,7 +50,8 @@ pub async fn rows(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> R
     };
     let path = journal.file().to_owned();
     let format = asked.format;
-    let read = tokio::task::spawn_blocking(move || Reading::begin(&path, &asked, place)).await;
+    let read =
+        tokio::task::spawn_blocking(move || JournalReading::begin(&path, &asked, place)).await;
     match read {
         // What fits into one piece is sent with its length, like other documents.
         Ok(Ok((reading, first))) if reading.is_over() => {
@@ -58,7 +59,7 @@ pub async fn rows(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> R
         }
         Ok(Ok((reading, first))) => (
             headers(format),
-            Body::new(Pieces::Ready(Box::new(reading), first)),
+            Body::new(JournalPieces::Ready(Box::new(reading), first)),
         )
             .into_response(),
         Ok(Err(error)) => wrong(
@@ -70,14 +71,14 @@ pub async fn rows(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> R
 }
 
 fn asked(query: Option<&str>) -> Result<JournalQuery, String> {
-    let query = Query::read(query, &KEYS)?;
+    let query = QueryKeys::read(query, &KEYS)?;
     let table = query.get("table").unwrap_or("all");
     let tables = search::tables(table).ok_or_else(|| {
         format!("unknown `table={table}`; expected trips, audit, availability or all")
     })?;
     let since = query
         .get("since")
-        .map(Since::parse)
+        .map(SearchStart::parse)
         .transpose()
         .map_err(|what| format!("`since`: {what}"))?;
     let last = match query.get("last").map(str::parse) {
@@ -85,8 +86,8 @@ fn asked(query: Option<&str>) -> Result<JournalQuery, String> {
         Some(Ok(last)) if (1..=LAST_MAX).contains(&last) => last,
         Some(_) => return Err(format!("`last` is a number from 1 to {LAST_MAX}")),
     };
-    let format = Format::named(query.get("format"))?;
-    let wanted = Wanted {
+    let format = LiveFormat::named(query.get("format"))?;
+    let wanted = WantedRows {
         tables,
         drive: query.get("drive").map(str::to_owned),
         since: since.map(|since| since.moment(clock::wall())),
@@ -100,10 +101,10 @@ fn asked(query: Option<&str>) -> Result<JournalQuery, String> {
 
 /// The rest of an answer. No transaction is open between two pieces.
 #[derive(Debug)]
-struct Reading {
+struct JournalReading {
     connection: Connection,
-    rows: std::vec::IntoIter<(Table, u64)>,
-    format: Format,
+    rows: std::vec::IntoIter<(JournalTable, u64)>,
+    format: LiveFormat,
     is_first: bool,
     /// The text before the rows; empty once it is sent.
     begin: String,
@@ -113,7 +114,7 @@ struct Reading {
     _place: OwnedSemaphorePermit,
 }
 
-impl Reading {
+impl JournalReading {
     /// Finds the rows, and reads the first piece of them.
     fn begin(
         path: &Path,
@@ -124,8 +125,8 @@ impl Reading {
         let SearchResult { rows, is_complete } =
             search::newest(&connection, &asked.wanted, asked.last)?;
         let (begin, end) = match asked.format {
-            Format::Json => (format!("{{\"is_complete\":{is_complete},\"rows\":["), "]}"),
-            Format::Csv => (listing::COLUMNS.to_owned(), ""),
+            LiveFormat::Json => (format!("{{\"is_complete\":{is_complete},\"rows\":["), "]}"),
+            LiveFormat::Csv => (listing::COLUMNS.to_owned(), ""),
         };
         let rows = rows.into_iter();
         let format = asked.format;
@@ -160,7 +161,7 @@ impl Reading {
                 continue;
             };
             match self.format {
-                Format::Json => {
+                LiveFormat::Json => {
                     text += if std::mem::replace(&mut self.is_first, false) {
                         ""
                     } else {
@@ -168,7 +169,7 @@ impl Reading {
                     };
                     text += &listing::in_json(table, &seen, true).to_string();
                 }
-                Format::Csv => text += &listing::in_csv(table, &seen),
+                LiveFormat::Csv => text += &listing::in_csv(table, &seen),
             }
         }
         Ok(Some(text).filter(|text| !text.is_empty()).map(Bytes::from))
@@ -176,21 +177,21 @@ impl Reading {
 }
 
 /// The rest of an answer, and the next piece of it.
-type Read = (Box<Reading>, Option<Bytes>);
+type Read = (Box<JournalReading>, Option<Bytes>);
 
 /// The body of an answer. Each piece is read when the one before it is taken, so that a slow reader holds no thread and little
 /// memory.
 #[derive(Debug)]
-enum Pieces {
+enum JournalPieces {
     /// The next piece has been read.
-    Ready(Box<Reading>, Option<Bytes>),
+    Ready(Box<JournalReading>, Option<Bytes>),
     /// The next piece is being read.
     Reading(JoinHandle<Result<Read, Error>>),
     /// All pieces are taken, or reading has failed.
     Ended,
 }
 
-impl HttpBody for Pieces {
+impl HttpBody for JournalPieces {
     type Data = Bytes;
     type Error = BoxError;
 
@@ -223,10 +224,10 @@ impl HttpBody for Pieces {
     }
 }
 
-fn headers(format: Format) -> [(HeaderName, &'static str); 3] {
+fn headers(format: LiveFormat) -> [(HeaderName, &'static str); 3] {
     let (kind, disposition) = match format {
-        Format::Json => ("application/json", "inline"),
-        Format::Csv => (
+        LiveFormat::Json => ("application/json", "inline"),
+        LiveFormat::Csv => (
             "text/csv; charset=utf-8",
             "attachment; filename=\"journal.csv\"",
         ),

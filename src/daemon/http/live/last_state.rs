@@ -1,21 +1,21 @@
 //! What listeners have received, and what is new since. An unchanged drive costs one pointer comparison.
 
 use super::events::event;
-use super::source::{Source, documents, shown};
+use super::source::{LiveSource, documents, shown};
 use crate::daemon::exchange::shared::{SharedDrive, SharedLine};
 use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
 use crate::drive::view::DriveView;
 use crate::north::finding::{Finding, ranked};
 use crate::north::page::changes::changes;
-use crate::north::page::{Gateway, trips};
+use crate::north::page::{PageGateway, trips};
 use serde_json::{Map, Value};
 use std::sync::Arc;
 
 /// The state as it was last sent, for one configuration.
 #[derive(Debug)]
 pub struct LastState {
-    gateway: Gateway,
+    gateway: PageGateway,
     lines: Vec<Value>,
     drives: Vec<SentDrive>,
     advice: Vec<Finding>,
@@ -35,7 +35,7 @@ struct SentDrive {
 
 impl SentDrive {
     fn now(
-        source: &Source<'_>,
+        source: &LiveSource<'_>,
         line: &SharedLine,
         drive: &SharedDrive,
         view: Arc<DriveView>,
@@ -65,7 +65,7 @@ struct DriveNews {
 
 impl LastState {
     /// The state as of now, which is being sent.
-    pub fn now(source: &Source<'_>) -> Self {
+    pub fn now(source: &LiveSource<'_>) -> Self {
         let drives = source
             .drives()
             .map(|(line, drive, view)| SentDrive::now(source, line, drive, view));
@@ -80,7 +80,7 @@ impl LastState {
     }
 
     /// Events for what is new; empty if nothing is. The configuration must be the same.
-    pub fn news(&mut self, source: &Source<'_>) -> String {
+    pub fn news(&mut self, source: &LiveSource<'_>) -> String {
         let mut events = String::new();
         let mut update = Map::new();
         let gateway = source.gateway();
@@ -119,7 +119,7 @@ impl LastState {
     }
 
     /// What is new of the drives; their trips are added to `events`.
-    fn drive_news(&mut self, source: &Source<'_>, events: &mut String) -> DriveNews {
+    fn drive_news(&mut self, source: &LiveSource<'_>, events: &mut String) -> DriveNews {
         let mut news = DriveNews::default();
         for ((line, drive, view), told) in source.drives().zip(&mut self.drives) {
             let is_same = Arc::ptr_eq(&view, &told.view) && drive.role.get() == told.role;
@@ -139,7 +139,7 @@ impl LastState {
         news
     }
 
-    fn all_advice(&self, source: &Source<'_>) -> Vec<Finding> {
+    fn all_advice(&self, source: &LiveSource<'_>) -> Vec<Finding> {
         let lines = source
             .shared
             .lines
@@ -153,7 +153,7 @@ impl LastState {
     }
 }
 
-fn lines(source: &Source<'_>) -> Vec<Value> {
+fn lines(source: &LiveSource<'_>) -> Vec<Value> {
     source
         .shared
         .lines

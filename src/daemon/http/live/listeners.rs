@@ -1,7 +1,7 @@
 //! Listeners to changes. Each text is made once for all of them; one that does not keep up is disconnected.
 
-use crate::daemon::http::large::Pieces;
-use crate::daemon::http::lasting::Stay;
+use crate::daemon::http::large::AnswerPieces;
+use crate::daemon::http::lasting::StreamPermit;
 use axum::body::HttpBody;
 use bytes::Bytes;
 use hyper::body::Frame;
@@ -18,34 +18,34 @@ const WAITING_MAX: usize = 8;
 
 /// All listeners.
 #[derive(Debug, Default)]
-pub struct Listeners(Vec<Ear>);
+pub struct LiveListeners(Vec<ListenerEar>);
 
 #[derive(Debug)]
-struct Ear {
+struct ListenerEar {
     texts: mpsc::Sender<Bytes>,
     /// Its place is free as soon as it has left.
-    stay: Weak<Stay>,
+    stay: Weak<StreamPermit>,
 }
 
 /// A listener: the body of an answer.
 #[derive(Debug)]
-pub struct Listener {
-    first: Pieces,
+pub struct LiveListener {
+    first: AnswerPieces,
     texts: mpsc::Receiver<Bytes>,
-    _stay: Arc<Stay>,
+    _stay: Arc<StreamPermit>,
 }
 
-impl Listeners {
+impl LiveListeners {
     /// Adds a listener that receives `first` before all else. `stay` bounds their number.
-    pub fn add(&mut self, first: Pieces, stay: Stay) -> Listener {
+    pub fn add(&mut self, first: AnswerPieces, stay: StreamPermit) -> LiveListener {
         let (sender, texts) = mpsc::channel(WAITING_MAX);
         let stay = Arc::new(stay);
         self.forget_gone();
-        self.0.push(Ear {
+        self.0.push(ListenerEar {
             texts: sender,
             stay: Arc::downgrade(&stay),
         });
-        Listener {
+        LiveListener {
             first,
             texts,
             _stay: stay,
@@ -84,7 +84,7 @@ impl Listeners {
     }
 }
 
-impl HttpBody for Listener {
+impl HttpBody for LiveListener {
     type Data = Bytes;
     type Error = Infallible;
 

@@ -16,19 +16,19 @@ mod tests;
 mod trend;
 mod usage;
 
-use super::large::Room;
-use super::state::State;
-use crate::daemon::exchange::shared::Shared;
+use super::large::AnswerRoom;
+use super::state::HttpState;
+use crate::daemon::exchange::shared::SharedPlant;
 use crate::daemon::host::clock;
 use crate::daemon::host::random;
-use crate::north::clock::{Clock, Moment};
-use crate::north::operator::moments::{self, Moments};
-use crate::north::page::kept::Collector;
-use crate::north::page::{Drive, LineUse, Present, Trends};
+use crate::north::clock::{ClockMoment, LabelClock};
+use crate::north::operator::moments::{self, SealedMoments};
+use crate::north::page::kept::MinuteCollector;
+use crate::north::page::{DriveTrends, LineUse, PageDrive, PageMoment};
 use last_state::LastState;
-use listeners::{Listener, Listeners};
+use listeners::{LiveListener, LiveListeners};
 use serde_json::Value;
-use source::Source;
+use source::LiveSource;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -43,60 +43,60 @@ const READERS_MAX: usize = 2;
 
 /// What the live documents are made from, beside the views.
 #[derive(Debug)]
-pub struct Live {
-    state: Arc<State>,
+pub struct LiveDocuments {
+    state: Arc<HttpState>,
     kept: Mutex<LiveState>,
     /// Places for readers of the journal.
     readers: Arc<Semaphore>,
     /// Room for the state with which each event stream begins.
-    room: Room,
+    room: AnswerRoom,
     /// The moments that orders name.
-    moments: Moments,
+    moments: SealedMoments,
 }
 
 #[derive(Debug)]
 struct LiveState {
-    clock: Clock,
+    clock: LabelClock,
     /// Lines and drives as of the last look.
-    shared: Option<Arc<Shared>>,
+    shared: Option<Arc<SharedPlant>>,
     /// By the numbers of the lines.
     uses: BTreeMap<u16, LineUse>,
-    trends: Trends,
-    collector: Collector,
-    listeners: Listeners,
+    trends: DriveTrends,
+    collector: MinuteCollector,
+    listeners: LiveListeners,
     /// What listeners have received; `None` while there is no listener.
     last: Option<LastState>,
 }
 
-impl Live {
+impl LiveDocuments {
     /// Starts without listeners or measurements.
     #[must_use]
-    pub fn new(state: Arc<State>) -> Self {
-        let started = Moment {
+    pub fn new(state: Arc<HttpState>) -> Self {
+        let started = ClockMoment {
             mono: state.started,
             wall: state.started_at,
         };
         let kept = LiveState {
-            clock: Clock::new(started),
+            clock: LabelClock::new(started),
             shared: None,
             uses: BTreeMap::new(),
-            trends: Trends::default(),
-            collector: Collector::default(),
-            listeners: Listeners::default(),
+            trends: DriveTrends::default(),
+            collector: MinuteCollector::default(),
+            listeners: LiveListeners::default(),
             last: None,
         };
         Self {
             state,
             kept: Mutex::new(kept),
             readers: Arc::new(Semaphore::new(READERS_MAX)),
-            room: Room::default(),
-            moments: Moments::new(random::secret()),
+            room: AnswerRoom::default(),
+            moments: SealedMoments::new(random::secret()),
         }
     }
 
     /// The moments that listeners receive.
     #[must_use]
-    pub const fn moments(&self) -> &Moments {
+    pub const fn moments(&self) -> &SealedMoments {
         &self.moments
     }
 
@@ -106,18 +106,18 @@ impl Live {
 }
 
 /// Compares the views from now on. Never returns.
-pub async fn run(live: Arc<Live>) {
+pub async fn run(live: Arc<LiveDocuments>) {
     let mut ticks = tokio::time::interval(TICK);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
-        live.lock().look(&live, clock::moment());
+        live.lock().record_changes(&live, clock::moment());
         ticks.tick().await;
     }
 }
 
 impl LiveState {
     /// Records what is due for the trend and the use of the lines, and sends changes to listeners.
-    fn look(&mut self, live: &Live, at: Moment) {
+    fn record_changes(&mut self, live: &LiveDocuments, at: ClockMoment) {
         let now = at.mono;
         self.clock.see(at);
         let is_new = self.follow(&live.state);
@@ -132,7 +132,7 @@ impl LiveState {
                 .collect();
             let drives = || {
                 let both = shared.drives.iter().zip(&views);
-                both.map(|(drive, view)| Drive {
+                both.map(|(drive, view)| PageDrive {
                     description: &drive.description,
                     view,
                     station: None,
@@ -155,11 +155,11 @@ impl LiveState {
             self.last = None;
             return;
         }
-        let source = Source {
+        let source = LiveSource {
             state: &live.state,
             shared: &shared,
             uses: &self.uses,
-            present: Present {
+            present: PageMoment {
                 now,
                 clock: &self.clock,
             },
@@ -181,7 +181,7 @@ impl LiveState {
     }
 
     /// Follows a change of the configuration. Returns whether there was one since the last call.
-    fn follow(&mut self, state: &State) -> bool {
+    fn follow(&mut self, state: &HttpState) -> bool {
         let shared = state.shared.get();
         if self
             .shared
@@ -200,12 +200,12 @@ impl LiveState {
     }
 
     /// Applies `made` to the present state of everything.
-    fn source<T>(&self, live: &Live, made: impl FnOnce(&Source<'_>) -> T) -> T {
-        let present = Present {
+    fn source<T>(&self, live: &LiveDocuments, made: impl FnOnce(&LiveSource<'_>) -> T) -> T {
+        let present = PageMoment {
             now: clock::now(),
             clock: &self.clock,
         };
-        made(&Source {
+        made(&LiveSource {
             state: &live.state,
             shared: &live.state.shared.get(),
             uses: &self.uses,
@@ -214,7 +214,11 @@ impl LiveState {
     }
 
     /// A new listener, with the state as its first event; `None` if too many large answers are unread.
-    fn listen(&mut self, live: &Live, stay: super::lasting::Stay) -> Option<Listener> {
+    fn listen(
+        &mut self,
+        live: &LiveDocuments,
+        stay: super::lasting::StreamPermit,
+    ) -> Option<LiveListener> {
         // Existing listeners received an earlier state; that one is kept, so that they get every change.
         let is_first = self.last.is_none();
         let (first, last) = self.source(live, |source| {

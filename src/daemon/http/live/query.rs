@@ -7,9 +7,9 @@ const BYTES_MAX: usize = 1024;
 
 /// Keys with their values.
 #[derive(Debug)]
-pub struct Query(BTreeMap<String, String>);
+pub struct QueryKeys(BTreeMap<String, String>);
 
-impl Query {
+impl QueryKeys {
     /// Parses `query`, whose keys must be among `known`.
     ///
     /// # Errors
@@ -53,20 +53,25 @@ mod tests {
     #[test]
     fn known_keys_are_read_and_others_named() {
         let known = ["drive", "since"];
-        let query = Query::read(Some("since=2026-01-31T08%3A00&drive="), &known).unwrap();
+        let query = QueryKeys::read(Some("since=2026-01-31T08%3A00&drive="), &known).unwrap();
         assert_eq!(
             (query.get("since"), query.get("drive")),
             (Some("2026-01-31T08:00"), None)
         );
-        assert!(Query::read(None, &known).unwrap().get("drive").is_none());
-        let wrong = Query::read(Some("drives=a"), &known).unwrap_err();
+        assert!(
+            QueryKeys::read(None, &known)
+                .unwrap()
+                .get("drive")
+                .is_none()
+        );
+        let wrong = QueryKeys::read(Some("drives=a"), &known).unwrap_err();
         assert_eq!(wrong, "unknown key `drives`; expected drive or since");
         assert_eq!(
-            Query::read(Some("drive=a&drive=b"), &known).unwrap_err(),
+            QueryKeys::read(Some("drive=a&drive=b"), &known).unwrap_err(),
             "`drive` is given twice"
         );
         assert!(
-            Query::read(Some(&"x".repeat(1025)), &known)
+            QueryKeys::read(Some(&"x".repeat(1025)), &known)
                 .unwrap_err()
                 .contains("longer")
         );

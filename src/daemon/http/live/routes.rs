@@ -1,8 +1,8 @@
 //! The routes of the live documents.
 
 use super::answers::{fresh, wrong};
-use super::{Live, journal, trend, usage};
-use crate::daemon::http::lasting::Lasting;
+use super::{LiveDocuments, journal, trend, usage};
+use crate::daemon::http::lasting::StreamSlot;
 use axum::body::Body;
 use axum::extract::State;
 use axum::http::{StatusCode, header};
@@ -20,7 +20,7 @@ const EVENTS: [(header::HeaderName, &str); 3] = [
 ];
 
 /// The routes. All of them only read.
-pub fn router(live: Arc<Live>) -> Router {
+pub fn router(live: Arc<LiveDocuments>) -> Router {
     Router::new()
         .route("/api/v1/state", get(everything))
         .route("/api/v1/events", get(events))
@@ -31,18 +31,21 @@ pub fn router(live: Arc<Live>) -> Router {
         .with_state(live)
 }
 
-async fn everything(State(live): State<Arc<Live>>) -> Response {
+async fn everything(State(live): State<Arc<LiveDocuments>>) -> Response {
     fresh(&live.lock().source(&live, |source| source.document()))
 }
 
-async fn advice(State(live): State<Arc<Live>>) -> Response {
+async fn advice(State(live): State<Arc<LiveDocuments>>) -> Response {
     let advice = live
         .lock()
         .source(&live, |source| super::source::documents(&source.advice()));
     fresh(&json!({ "advice": advice }))
 }
 
-async fn events(State(live): State<Arc<Live>>, Extension(lasting): Extension<Lasting>) -> Response {
+async fn events(
+    State(live): State<Arc<LiveDocuments>>,
+    Extension(lasting): Extension<StreamSlot>,
+) -> Response {
     let Some(stay) = lasting.stay() else {
         return wrong(
             StatusCode::SERVICE_UNAVAILABLE,

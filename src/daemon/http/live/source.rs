@@ -1,27 +1,27 @@
 //! From what the gateway shares to the documents of the page.
 
-use crate::daemon::exchange::shared::{Shared, SharedDrive, SharedLine};
-use crate::daemon::http::state::State;
+use crate::daemon::exchange::shared::{SharedDrive, SharedLine, SharedPlant};
+use crate::daemon::http::state::HttpState;
 use crate::daemon::journal::JournalState as Keeps;
 use crate::domain::calendar::rfc3339;
 use crate::domain::ids::Name;
 use crate::drive::view::DriveView;
 use crate::north::finding::{Finding, ranked};
-use crate::north::page::gateway::{BrokerWay, JournalState};
-use crate::north::page::{Drive, Gateway, Line, LineUse, Present};
+use crate::north::page::gateway::{BrokerWay, PageJournal};
+use crate::north::page::{LineUse, PageDrive, PageGateway, PageLine, PageMoment};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Everything at one moment.
-pub struct Source<'s> {
-    pub state: &'s State,
-    pub shared: &'s Shared,
+pub struct LiveSource<'s> {
+    pub state: &'s HttpState,
+    pub shared: &'s SharedPlant,
     pub uses: &'s BTreeMap<u16, LineUse>,
-    pub present: Present<'s>,
+    pub present: PageMoment<'s>,
 }
 
-impl Source<'_> {
+impl LiveSource<'_> {
     /// All of it as one document.
     pub fn document(&self) -> Value {
         let gateway = self.gateway();
@@ -55,10 +55,10 @@ impl Source<'_> {
     }
 
     /// Applies `made` to `line`.
-    pub fn line<T>(&self, line: &SharedLine, made: impl FnOnce(&Line<'_>) -> T) -> T {
+    pub fn line<T>(&self, line: &SharedLine, made: impl FnOnce(&PageLine<'_>) -> T) -> T {
         let report = line.report();
         let drives = line.drives.iter().map(|drive| &drive.description.name);
-        made(&Line {
+        made(&PageLine {
             name: &line.name,
             interface: line.interface,
             wiring: &line.wiring,
@@ -93,21 +93,21 @@ impl Source<'_> {
     }
 
     /// The gateway as a whole.
-    pub fn gateway(&self) -> Gateway {
+    pub fn gateway(&self) -> PageGateway {
         let state = self.state;
         let journal = state
             .journal
             .as_ref()
             .map(|journal| journal.report())
-            .map(|report| JournalState {
-                state: report.state.word(),
+            .map(|report| PageJournal {
+                state: report.state.keyword(),
                 is_ok: report.state == Keeps::Ok,
                 reason: report.reason,
                 moved_aside: report.moved_aside,
                 replaced: report.replaced,
                 lost: report.lost,
             });
-        Gateway {
+        PageGateway {
             name: state.gateway.clone(),
             started_at: rfc3339(state.started_at),
             is_ready: state.is_ready(),
@@ -131,13 +131,13 @@ impl Source<'_> {
 }
 
 /// `drive`, on `line`, with this view.
-pub fn shown<'d>(line: &SharedLine, drive: &'d SharedDrive, view: &'d DriveView) -> Drive<'d> {
+pub fn shown<'d>(line: &SharedLine, drive: &'d SharedDrive, view: &'d DriveView) -> PageDrive<'d> {
     let station = line
         .wiring
         .stations
         .get(drive.description.place.drive.get())
         .copied();
-    Drive {
+    PageDrive {
         description: &drive.description,
         view,
         station,

@@ -1,16 +1,16 @@
 //! Live documents over real sockets, from a gateway whose lines are played by the test.
 
-use crate::daemon::exchange::shared::Shared;
+use crate::daemon::exchange::shared::SharedPlant;
 use crate::daemon::host::clock;
-use crate::daemon::http::Documents;
-use crate::daemon::http::connections::{self, Patience};
+use crate::daemon::http::RouteDocuments;
+use crate::daemon::http::connections::{self, ConnectionPatience};
 use crate::daemon::http::lasting::LASTING_MAX;
 use crate::daemon::http::routes;
-use crate::daemon::http::state::State;
+use crate::daemon::http::state::HttpState;
 use crate::daemon::http::tests::{on_a_runtime, state};
 use crate::domain::report::{LineReport, LineState};
 use crate::domain::time::MonoTime;
-use crate::drive::snapshot::Presence;
+use crate::drive::snapshot::DrivePresence;
 use crate::drive::view::{DriveView, RunState, TripRecord};
 use serde_json::{Value, json};
 use std::net::SocketAddr;
@@ -20,11 +20,11 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 
 /// Serves `state`, whose live task runs.
-async fn serve(state: &Arc<State>, patience: Patience) -> SocketAddr {
-    serve_documents(Documents::new(Arc::clone(state)), patience).await
+async fn serve(state: &Arc<HttpState>, patience: ConnectionPatience) -> SocketAddr {
+    serve_documents(RouteDocuments::new(Arc::clone(state)), patience).await
 }
 
-async fn serve_documents(documents: Documents, patience: Patience) -> SocketAddr {
+async fn serve_documents(documents: RouteDocuments, patience: ConnectionPatience) -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     tokio::task::spawn_local(super::run(Arc::clone(&documents.live)));
@@ -36,7 +36,7 @@ async fn serve_documents(documents: Documents, patience: Patience) -> SocketAddr
     address
 }
 
-fn show(state: &State, view: DriveView) {
+fn show(state: &HttpState, view: DriveView) {
     state.shared.load().drives[0].view.store(Arc::new(view));
 }
 
@@ -46,7 +46,7 @@ fn online(at: MonoTime, hertz: u16) -> DriveView {
         run_state: RunState::Forward,
         ..DriveView::default()
     };
-    view.snapshot.presence = Presence::Online;
+    view.snapshot.presence = DrivePresence::Online;
     view.snapshot.take(0x0101_u16.into(), &[hertz * 100], at);
     view
 }
@@ -114,7 +114,7 @@ fn the_state_comes_first_and_then_what_has_changed() {
     on_a_runtime(async {
         let state = state(false);
         show(&state, online(clock::now(), 10));
-        let address = serve(&state, Patience::default()).await;
+        let address = serve(&state, ConnectionPatience::default()).await;
         let (status, mut listening) = Listening::connect(address).await;
         assert_eq!(status, 200);
         let (kind, first) = listening.event().await.unwrap();
@@ -157,7 +157,7 @@ fn a_trip_is_reported_once_to_each_who_listens() {
     on_a_runtime(async {
         let state = state(false);
         show(&state, online(clock::now(), 10));
-        let address = serve(&state, Patience::default()).await;
+        let address = serve(&state, ConnectionPatience::default()).await;
         let (_, mut one) = Listening::connect(address).await;
         let (_, mut other) = Listening::connect(address).await;
         one.next("state").await;
@@ -187,7 +187,7 @@ fn a_trip_is_reported_once_to_each_who_listens() {
 #[test]
 fn in_silence_there_are_heartbeats() {
     on_a_runtime(async {
-        let address = serve(&state(false), Patience::default()).await;
+        let address = serve(&state(false), ConnectionPatience::default()).await;
         let (_, mut listening) = Listening::connect(address).await;
         assert_eq!(listening.event().await.unwrap().0, "state");
         let first = listening.next("alive").await["moment"].clone();
@@ -202,7 +202,7 @@ fn in_silence_there_are_heartbeats() {
 fn another_configuration_is_reported_with_its_state() {
     on_a_runtime(async {
         let state = state(false);
-        let address = serve(&state, Patience::default()).await;
+        let address = serve(&state, ConnectionPatience::default()).await;
         let (_, mut listening) = Listening::connect(address).await;
         listening.next("state").await;
         listening.next("alive").await;
@@ -210,7 +210,7 @@ fn another_configuration_is_reported_with_its_state() {
         listening.next("alive").await;
         state
             .shared
-            .set(Arc::new(Shared::of(Vec::new(), Arc::default())));
+            .set(Arc::new(SharedPlant::of(Vec::new(), Arc::default())));
         listening.next("configuration").await;
         assert_eq!(listening.event().await.unwrap().1["drives"], json!([]));
     });
@@ -219,7 +219,7 @@ fn another_configuration_is_reported_with_its_state() {
 #[test]
 fn there_are_so_many_who_listen_and_others_are_still_served() {
     on_a_runtime(async {
-        let address = serve(&state(false), Patience::default()).await;
+        let address = serve(&state(false), ConnectionPatience::default()).await;
         let mut all = Vec::new();
         for _ in 0..LASTING_MAX {
             let (status, listening) = Listening::connect(address).await;
@@ -246,9 +246,9 @@ fn there_are_so_many_who_listen_and_others_are_still_served() {
 fn who_listens_may_stay_longer_than_others() {
     on_a_runtime(async {
         let state = state(false);
-        let patience = Patience {
+        let patience = ConnectionPatience {
             connection: Duration::from_millis(50),
-            ..Patience::default()
+            ..ConnectionPatience::default()
         };
         let address = serve(&state, patience).await;
         let (_, mut listening) = Listening::connect(address).await;
@@ -265,8 +265,8 @@ fn who_listens_may_stay_longer_than_others() {
 #[test]
 fn who_does_not_read_is_let_go_and_the_others_go_on() {
     on_a_runtime(async {
-        let documents = Documents::new(state(false));
-        let address = serve_documents(documents.clone(), Patience::default()).await;
+        let documents = RouteDocuments::new(state(false));
+        let address = serve_documents(documents.clone(), ConnectionPatience::default()).await;
         let (_, mut slow) = Listening::connect(address).await;
         let (_, mut good) = Listening::connect(address).await;
         good.next("state").await;
@@ -295,7 +295,7 @@ fn documents_are_found_and_mistakes_are_named() {
     on_a_runtime(async {
         let state = state(true);
         show(&state, online(clock::now(), 10));
-        let address = serve(&state, Patience::default()).await;
+        let address = serve(&state, ConnectionPatience::default()).await;
         let of = async |path: &str| {
             let (status, body) = get(address, path).await;
             (status, serde_json::from_str::<Value>(&body).unwrap())

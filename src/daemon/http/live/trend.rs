@@ -1,12 +1,12 @@
 //! The trend of a drive: the last hour from memory, longer spans from what is kept on the disk.
 
-use super::Live;
+use super::LiveDocuments;
 use super::answers::{fresh, wrong};
-use super::query::Query;
+use super::query::QueryKeys;
 use crate::daemon::host::clock;
 use crate::daemon::trends;
-use crate::north::page::history::{History, Names};
-use crate::north::page::kept::{LEVELS, Level};
+use crate::north::page::history::{DriveHistory, Names};
+use crate::north::page::kept::{LEVELS, TrendLevel};
 use axum::extract::{RawQuery, State};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -17,7 +17,7 @@ const HOUR_S: i64 = 3600;
 
 /// The form of an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Format {
+enum TrendFormat {
     /// The document that the page draws.
     Json,
     /// A list of rows, for dashboards.
@@ -27,17 +27,17 @@ enum Format {
 
 /// What is read from the disk.
 #[derive(Debug)]
-struct Kept {
+struct KeptTrendQuery {
     drive: String,
-    level: Level,
+    level: TrendLevel,
     /// The newest rows.
     rows: usize,
     wanted: Names,
-    format: Format,
+    format: TrendFormat,
 }
 
-pub async fn trend(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> Response {
-    let query = match Query::read(query.as_deref(), &KEYS) {
+pub async fn trend(State(live): State<Arc<LiveDocuments>>, RawQuery(query): RawQuery) -> Response {
+    let query = match QueryKeys::read(query.as_deref(), &KEYS) {
         Ok(query) => query,
         Err(what) => return wrong(StatusCode::BAD_REQUEST, what),
     };
@@ -80,14 +80,14 @@ pub async fn trend(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> 
 }
 
 /// What to read from the disk; `None` if the last hour from memory is wanted.
-fn asked(query: &Query, drive: &str) -> Result<Option<Kept>, String> {
+fn asked(query: &QueryKeys, drive: &str) -> Result<Option<KeptTrendQuery>, String> {
     let wanted: Names = query
         .get("values")
         .map(|names| names.split(',').map(str::to_owned).collect());
     let format = match query.get("format") {
-        None | Some("json") => Format::Json,
-        Some("rows") => Format::Rows,
-        Some("csv") => Format::Csv,
+        None | Some("json") => TrendFormat::Json,
+        Some("rows") => TrendFormat::Rows,
+        Some("csv") => TrendFormat::Csv,
         Some(other) => {
             return Err(format!(
                 "unknown `format={other}`; expected json, rows or csv"
@@ -96,7 +96,7 @@ fn asked(query: &Query, drive: &str) -> Result<Option<Kept>, String> {
     };
     let [minutes, ..] = LEVELS;
     let (level, rows) = match query.get("span").unwrap_or("1h") {
-        "1h" if wanted.is_none() && format == Format::Json => return Ok(None),
+        "1h" if wanted.is_none() && format == TrendFormat::Json => return Ok(None),
         "1h" => (
             minutes,
             usize::try_from(HOUR_S / minutes.step_s).unwrap_or(minutes.rows),
@@ -110,7 +110,7 @@ fn asked(query: &Query, drive: &str) -> Result<Option<Kept>, String> {
                 format!("unknown `span={span}`; expected 1h, {}", spans.join(", "))
             })?,
     };
-    Ok(Some(Kept {
+    Ok(Some(KeptTrendQuery {
         drive: drive.to_owned(),
         level,
         rows,
@@ -119,7 +119,7 @@ fn asked(query: &Query, drive: &str) -> Result<Option<Kept>, String> {
     }))
 }
 
-async fn read(live: &Live, kept: Kept) -> Response {
+async fn read(live: &LiveDocuments, kept: KeptTrendQuery) -> Response {
     let Some(trends) = &live.state.trends else {
         let what = "only the last hour is known: longer trends, other values and other formats need `data_dir` in [gateway]";
         return wrong(StatusCode::NOT_FOUND, what);
@@ -134,7 +134,7 @@ async fn read(live: &Live, kept: Kept) -> Response {
     let until_s = clock::wall().unix_ms.div_euclid(1000);
     let read = tokio::task::spawn_blocking(move || {
         let _place = place;
-        let Kept {
+        let KeptTrendQuery {
             drive,
             level,
             rows,
@@ -154,11 +154,11 @@ async fn read(live: &Live, kept: Kept) -> Response {
     }
 }
 
-fn answer(history: &History, drive: &str, format: Format) -> Response {
+fn answer(history: &DriveHistory, drive: &str, format: TrendFormat) -> Response {
     match format {
-        Format::Json => fresh(&history.document(drive)),
-        Format::Rows => fresh(&history.list()),
-        Format::Csv => {
+        TrendFormat::Json => fresh(&history.document(drive)),
+        TrendFormat::Rows => fresh(&history.list()),
+        TrendFormat::Csv => {
             let disposition = format!("attachment; filename=\"{drive}.csv\"");
             let headers = [
                 (header::CONTENT_TYPE, "text/csv; charset=utf-8".to_owned()),

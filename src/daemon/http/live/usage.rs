@@ -1,8 +1,8 @@
 //! What a drive used on each day, for HTTP clients.
 
-use super::Live;
-use super::answers::{Format, fresh, no_journal, too_many_readers, wrong};
-use super::query::Query;
+use super::LiveDocuments;
+use super::answers::{LiveFormat, fresh, no_journal, too_many_readers, wrong};
+use super::query::QueryKeys;
 use crate::daemon::journal::days::{COLUMNS, DayRow, each};
 use crate::daemon::journal::reader::connect;
 use axum::extract::{RawQuery, State};
@@ -14,7 +14,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// The days of one drive, oldest first. There are so few that they fit into one piece.
-pub async fn days(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> Response {
+pub async fn days(State(live): State<Arc<LiveDocuments>>, RawQuery(query): RawQuery) -> Response {
     let (drive, format) = match asked(query.as_deref()) {
         Ok(asked) => asked,
         Err(what) => return wrong(StatusCode::BAD_REQUEST, what),
@@ -28,7 +28,7 @@ pub async fn days(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> R
     let path = journal.file().to_owned();
     let read = tokio::task::spawn_blocking(move || rows(&path, &drive)).await;
     match read {
-        Ok(Ok(rows)) if format == Format::Csv => {
+        Ok(Ok(rows)) if format == LiveFormat::Csv => {
             let lines: String = rows.iter().map(DayRow::in_csv).collect();
             let kind = [
                 (header::CONTENT_TYPE, "text/csv; charset=utf-8"),
@@ -48,12 +48,12 @@ pub async fn days(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> R
 }
 
 /// The drive, and the form of the answer.
-fn asked(query: Option<&str>) -> Result<(String, Format), String> {
-    let query = Query::read(query, &["drive", "format"])?;
+fn asked(query: Option<&str>) -> Result<(String, LiveFormat), String> {
+    let query = QueryKeys::read(query, &["drive", "format"])?;
     let drive = query
         .get("drive")
         .ok_or_else(|| "`drive=NAME` is missing".to_owned())?;
-    Ok((drive.to_owned(), Format::named(query.get("format"))?))
+    Ok((drive.to_owned(), LiveFormat::named(query.get("format"))?))
 }
 
 fn rows(path: &Path, drive: &str) -> Result<Vec<DayRow>, Error> {

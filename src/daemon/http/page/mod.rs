@@ -3,7 +3,7 @@
 #[cfg(test)]
 mod tests;
 
-use crate::north::texts::{CATALOGUES, Chapter};
+use crate::north::texts::{CATALOGUES, TextChapter};
 use axum::Router;
 use axum::extract::Path;
 use axum::http::{HeaderMap, StatusCode, header};
@@ -21,7 +21,7 @@ const OFFLINE_WORKER: &str = "offline.js";
 
 /// A file of the page.
 #[derive(Debug)]
-struct File {
+struct PageFile {
     name: &'static str,
     media_type: &'static str,
     bytes: &'static [u8],
@@ -29,12 +29,12 @@ struct File {
 
 macro_rules! files {
     ($media_type:literal: $($name:literal),+ $(,)?) => {
-        [$(File { name: $name, media_type: $media_type, bytes: include_bytes!(concat!("files/", $name)) }),+]
+        [$(PageFile { name: $name, media_type: $media_type, bytes: include_bytes!(concat!("files/", $name)) }),+]
     };
 }
 
 /// All files, by their kind.
-const FILES: [&[File]; 6] = [
+const FILES: [&[PageFile]; 6] = [
     &files!("text/html; charset=utf-8": "index.html", "offline.html"),
     &files!("text/css; charset=utf-8": "page.css", "setup.css", "uplot.min.css"),
     &files!("text/javascript; charset=utf-8":
@@ -50,14 +50,14 @@ const FILES: [&[File]; 6] = [
 ];
 
 /// A file as it is served, with the entity tag of its content, by which a browser can tell that it has it already.
-struct Served {
+struct ServedFile {
     name: Cow<'static, str>,
     media_type: &'static str,
     bytes: Cow<'static, [u8]>,
     tag: String,
 }
 
-impl Served {
+impl ServedFile {
     fn new(
         name: impl Into<Cow<'static, str>>,
         media_type: &'static str,
@@ -75,16 +75,16 @@ impl Served {
 }
 
 /// The files, and each chapter of each language, such as `setup.de.json`.
-static SERVED: LazyLock<Vec<Served>> = LazyLock::new(|| {
+static SERVED: LazyLock<Vec<ServedFile>> = LazyLock::new(|| {
     let files = FILES
         .iter()
         .copied()
         .flatten()
-        .map(|file| Served::new(file.name, file.media_type, lean(file)));
+        .map(|file| ServedFile::new(file.name, file.media_type, lean(file)));
     let chapters = CATALOGUES.into_iter().flat_map(|catalogue| {
-        Chapter::ALL.map(|chapter| {
-            let name = format!("{}.{}.json", chapter.word(), catalogue.language);
-            Served::new(
+        TextChapter::ALL.map(|chapter| {
+            let name = format!("{}.{}.json", chapter.keyword(), catalogue.language);
+            ServedFile::new(
                 name,
                 "application/json",
                 catalogue.chapter(chapter).into_bytes(),
@@ -96,7 +96,7 @@ static SERVED: LazyLock<Vec<Served>> = LazyLock::new(|| {
 
 /// The content of a file without what only its authors read: indents and lines that are comments. Third-party files are left
 /// as they are.
-fn lean(file: &File) -> Cow<'static, [u8]> {
+fn lean(file: &PageFile) -> Cow<'static, [u8]> {
     let has_comments = file.name.ends_with(".js") || file.name.ends_with(".css");
     let text = match std::str::from_utf8(file.bytes) {
         Ok(text) if has_comments && !file.name.starts_with("uplot") => text,
@@ -139,7 +139,7 @@ pub(super) fn router<S: Clone + Send + Sync + 'static>() -> Router<S> {
 }
 
 fn answer(name: &str, asked: &HeaderMap) -> Response {
-    let Some(Served {
+    let Some(ServedFile {
         media_type,
         bytes,
         tag,

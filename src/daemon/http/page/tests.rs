@@ -2,7 +2,7 @@
 
 use super::super::tests::on_a_runtime;
 use super::*;
-use crate::north::texts::Catalogue;
+use crate::north::texts::TextCatalogue;
 use axum::body::Body;
 use axum::http::Request;
 use hyper_util::service::TowerToHyperService;
@@ -12,16 +12,16 @@ use std::path::PathBuf;
 /// All that one browser fetches to show the page, uncompressed.
 const BYTES_MAX: usize = 220_000;
 
-fn files() -> impl Iterator<Item = &'static File> {
+fn files() -> impl Iterator<Item = &'static PageFile> {
     FILES.into_iter().flatten()
 }
 
 /// Third-party files are left as they are.
-fn is_vendored(file: &File) -> bool {
+fn is_vendored(file: &PageFile) -> bool {
     file.name.starts_with("uplot")
 }
 
-fn text(file: &File) -> &'static str {
+fn text(file: &PageFile) -> &'static str {
     std::str::from_utf8(file.bytes).unwrap()
 }
 
@@ -43,7 +43,7 @@ fn every_file_is_served_and_all_are_small() {
         "lazy(\"./",
     );
     assert_eq!(lazy, ["traffic.js", "report.js", "setup.js"]);
-    for Catalogue { language, .. } in CATALOGUES {
+    for TextCatalogue { language, .. } in CATALOGUES {
         let is_of_language = |name: &str| name.ends_with(&format!(".{language}.json"));
         // Panels that few use are fetched when they are opened; a page in English needs no sentences of the gateway.
         let is_fetched = |name: &str| {
@@ -68,7 +68,7 @@ fn every_file_is_served_and_all_are_small() {
 fn a_file_is_served_without_indents_and_comments_and_is_the_same_otherwise() {
     let bytes: &[u8] =
         b"// One.\n\n/** Two,\n * and three. */\nconst a = 1; // Four.\n/* Five. */\n  if (a) {\n    b();\n  }\n";
-    let file = |name| File {
+    let file = |name| PageFile {
         name,
         media_type: "",
         bytes,

@@ -1,7 +1,7 @@
 //! Bodies of the requests of `vfd-gateway qualify`.
 
-use crate::config::qualified::{Finding, action_of};
-use crate::domain::command::{Direction, Go, Order};
+use crate::config::qualified::{TrialFinding, action_of};
+use crate::domain::command::{Direction, GoOrder, Order};
 use crate::domain::control::ControlAction;
 use crate::domain::frequency::Hertz;
 use crate::profile::model::OrderKind;
@@ -29,7 +29,7 @@ impl TrialOrder {
         let sent = || {
             OrderKind::ALL
                 .into_iter()
-                .find(|kind| kind.word() == word)
+                .find(|kind| kind.keyword() == word)
                 .map(Self::Sent)
         };
         if word == "renew" {
@@ -69,7 +69,8 @@ impl TrialOrder {
 
     /// The order itself; the motor runs at `frequency`.
     pub fn order(self, frequency: Hertz) -> Option<Order> {
-        let run = |direction| Go::new(Vec::new(), Some(frequency), Some(direction)).map(Order::Go);
+        let run =
+            |direction| GoOrder::new(Vec::new(), Some(frequency), Some(direction)).map(Order::Go);
         match self {
             Self::Sent(OrderKind::Stop) => Some(Order::Stop { setpoint: None }),
             Self::Sent(OrderKind::Forward) => run(Direction::Forward),
@@ -97,12 +98,12 @@ pub(super) fn trial(body: &[u8]) -> Option<(TrialOrder, Option<u64>)> {
 }
 
 /// The result that `body` names, and who found it.
-pub(super) fn result(body: &[u8]) -> Option<(ControlAction, Finding, String)> {
+pub(super) fn result(body: &[u8]) -> Option<(ControlAction, TrialFinding, String)> {
     let object = object(body).filter(|object| object.len() == 3)?;
     let action = action_of(object.get("action")?.as_str()?)?;
     Some((
         action,
-        Finding::of(object.get("result")?.as_str()?)?,
+        TrialFinding::of(object.get("result")?.as_str()?)?,
         name(&object)?,
     ))
 }
@@ -155,7 +156,11 @@ mod tests {
 
     #[test]
     fn a_result_names_what_came_of_it_and_who_saw_it() {
-        let expected = (ControlAction::Basic, Finding::Confirmed, "anna".to_owned());
+        let expected = (
+            ControlAction::Basic,
+            TrialFinding::Confirmed,
+            "anna".to_owned(),
+        );
         assert_eq!(result(RESULT_EXAMPLE.as_bytes()), Some(expected));
         for (from, to) in [
             ("basic", "jog"),

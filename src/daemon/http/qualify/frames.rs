@@ -7,8 +7,8 @@ use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::Station;
 use crate::domain::link::Framing;
-use crate::drive::bases::Bases;
-use crate::drive::steps::{self, Step, WriteFunctions};
+use crate::drive::bases::FrequencyBases;
+use crate::drive::steps::{self, CommandStep, WriteFunctions};
 use crate::profile::model::{Model, OrderKind};
 use crate::wire::framing;
 use crate::wire::pdu::Request;
@@ -23,7 +23,7 @@ pub(super) fn trial_frequency(control: &ControlSettings) -> Hertz {
 }
 
 /// What `order` writes, in order; empty if the model has no such order.
-pub(super) fn of(
+pub(super) fn order_frames(
     order: TrialOrder,
     model: &Model,
     control: &ControlSettings,
@@ -45,13 +45,13 @@ pub(super) fn of(
                 },
             );
         }
-        Some(Order::Go(go)) => steps::of_go(model, &go, control, None, &Bases::of(model)),
+        Some(Order::Go(go)) => steps::of_go(model, &go, control, None, &FrequencyBases::of(model)),
         Some(Order::Reset) => steps::of_reset(model),
         Some(Order::Release) => steps::of_release(model),
         _ => return Vec::new(),
     };
     let write = |step| {
-        if let Step::Write(writes) = step {
+        if let CommandStep::Write(writes) = step {
             Some(writes)
         } else {
             None
@@ -97,7 +97,7 @@ mod tests {
     #[test]
     fn the_frames_are_those_of_the_model() {
         let (model, control) = (model(), control());
-        let stop = of(TrialOrder::Sent(OrderKind::Stop), &model, &control, AT);
+        let stop = order_frames(TrialOrder::Sent(OrderKind::Stop), &model, &control, AT);
         let (address, word) = steps::of_stop(&model, false, None).unwrap();
         assert_eq!(stop.len(), 1);
         assert_eq!(
@@ -111,8 +111,10 @@ mod tests {
             frame.starts_with(&format!("01 06 {high:02X} {low:02X} ")),
             "{frame}"
         );
-        assert!(!of(TrialOrder::Sent(OrderKind::Forward), &model, &control, AT).is_empty());
-        assert!(of(TrialOrder::Renew, &model, &control, AT).is_empty());
+        assert!(
+            !order_frames(TrialOrder::Sent(OrderKind::Forward), &model, &control, AT).is_empty()
+        );
+        assert!(order_frames(TrialOrder::Renew, &model, &control, AT).is_empty());
     }
 
     #[test]

@@ -8,17 +8,19 @@ mod shown;
 use super::answers::json as answer;
 use super::own_routes::{find, not_understood, too_many, unknown};
 use super::setup::{outcome, outcome_at};
-use crate::config::qualified::{Finding, Qualified, QualifiedDrive, QualifiedFact, Standing};
+use crate::config::qualified::{
+    QualifiedDrive, QualifiedFact, QualifiedResults, QualifiedStanding, TrialFinding,
+};
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::host::clock;
-use crate::daemon::local::{LocalSide, Marks, Who};
+use crate::daemon::local::{CommandMarks, LocalSide, OrderingClient};
 use crate::daemon::qualified_file;
 use crate::domain::calendar::rfc3339;
 use crate::domain::command::{Outcome, Owner, Reason, Report};
 use crate::domain::control::ControlAction;
 use crate::domain::ids::Station;
 use crate::drive::description::{DriveDescription, DriveRef};
-use crate::journal::Tried;
+use crate::journal::TriedWrite;
 use crate::profile::model::OrderKind;
 use axum::Router;
 use axum::body::Bytes;
@@ -39,7 +41,7 @@ const READ_WITHIN: Duration = Duration::from_secs(5);
 
 /// The trials of one gateway.
 #[derive(Debug)]
-pub(super) struct Trials {
+pub(super) struct GatewayTrials {
     side: Arc<LocalSide>,
     data_dir: PathBuf,
     /// The orders that a drive has acknowledged in a trial since this process started.
@@ -50,23 +52,26 @@ pub(super) struct Trials {
 
 /// The routes of the trials of the gateway with its data in `data_dir`.
 pub(super) fn router(side: Arc<LocalSide>, data_dir: PathBuf) -> Router {
-    let trials = Trials {
+    let trials = GatewayTrials {
         side,
         data_dir,
         done: Mutex::default(),
         writing: tokio::sync::Mutex::default(),
     };
     Router::new()
-        .route("/api/v1/drives/{name}/qualify", get(look).post(try_out))
+        .route(
+            "/api/v1/drives/{name}/qualify",
+            get(show_trials).post(try_out),
+        )
         .route("/api/v1/drives/{name}/qualify/state", get(state))
-        .route("/api/v1/drives/{name}/qualify/result", post(keep))
+        .route("/api/v1/drives/{name}/qualify/result", post(keep_result))
         .route("/api/v1/drives/{name}/qualify/forget", post(forget))
         .layer(DefaultBodyLimit::max(BODY_BYTES_MAX))
         .with_state(Arc::new(trials))
 }
 
-impl Trials {
-    async fn qualified(&self) -> Result<Qualified, String> {
+impl GatewayTrials {
+    async fn qualified(&self) -> Result<QualifiedResults, String> {
         let data_dir = self.data_dir.clone();
         let read = tokio::task::spawn_blocking(move || qualified_file::read(&data_dir)).await;
         read.unwrap_or_else(|error| Err(error.to_string()))
@@ -75,12 +80,12 @@ impl Trials {
     /// Changes the file. One that cannot be used is replaced: it counted for nothing.
     async fn change(
         &self,
-        change: impl FnOnce(&mut Qualified) -> Result<(), String>,
+        change: impl FnOnce(&mut QualifiedResults) -> Result<(), String>,
     ) -> Result<(), String> {
         let _writing = self.writing.lock().await;
         let mut qualified = self.qualified().await.unwrap_or_else(|error| {
             tracing::warn!(%error, "the file of qualified drives cannot be used and is replaced");
-            Qualified::default()
+            QualifiedResults::default()
         });
         change(&mut qualified)?;
         let data_dir = self.data_dir.clone();
@@ -156,9 +161,13 @@ impl Trials {
         })
     }
 
-    fn standing(&self, description: &DriveDescription, qualified: &Qualified) -> Standing {
+    fn standing(
+        &self,
+        description: &DriveDescription,
+        qualified: &QualifiedResults,
+    ) -> QualifiedStanding {
         let station = self.station(description.place);
-        station.map_or(Standing::Never, |at| {
+        station.map_or(QualifiedStanding::Never, |at| {
             qualified.standing(description.line.as_str(), at, &description.model)
         })
     }
@@ -192,13 +201,13 @@ impl Trials {
         let Some(wanted) = order.order(frames::trial_frequency(control)) else {
             return Report::refused(Reason::NotUnderstood);
         };
-        let marks = Marks {
+        let marks = CommandMarks {
             epoch: if order.runs() { epoch } else { None },
             trial: order.action(),
         };
         let report = self
             .side
-            .order_marked(Who::TRIAL, description.place, wanted, marks)
+            .order_marked(OrderingClient::TRIAL, description.place, wanted, marks)
             .end()
             .await;
         if matches!(report.outcome, Outcome::Acknowledged | Outcome::Confirmed) {
@@ -206,16 +215,19 @@ impl Trials {
         }
         if let TrialOrder::Sent(kind) = order {
             let drive = description.name.as_str();
-            let outcome = report.outcome.word();
-            let reason = report.reason.word();
-            tracing::info!(drive, by = %Owner::Local, order = kind.word(), outcome, reason, "trial");
+            let outcome = report.outcome.keyword();
+            let reason = report.reason.keyword();
+            tracing::info!(drive, by = %Owner::Local, order = kind.keyword(), outcome, reason, "trial");
         }
         report
     }
 }
 
 /// What there is to be tried at a drive, and what came of it before. Its identity is read from the drive.
-async fn look(State(trials): State<Arc<Trials>>, Path(name): Path<String>) -> Response {
+async fn show_trials(
+    State(trials): State<Arc<GatewayTrials>>,
+    Path(name): Path<String>,
+) -> Response {
     let Some(_place) = trials.side.place() else {
         return too_many(&name);
     };
@@ -226,7 +238,7 @@ async fn look(State(trials): State<Arc<Trials>>, Path(name): Path<String>) -> Re
 }
 
 /// What the drive does, as it was last polled.
-async fn state(State(trials): State<Arc<Trials>>, Path(name): Path<String>) -> Response {
+async fn state(State(trials): State<Arc<GatewayTrials>>, Path(name): Path<String>) -> Response {
     let Some(drive) = find(&trials.side, &name) else {
         return unknown(&trials.side, &name);
     };
@@ -235,7 +247,7 @@ async fn state(State(trials): State<Arc<Trials>>, Path(name): Path<String>) -> R
 
 /// One order of a trial.
 async fn try_out(
-    State(trials): State<Arc<Trials>>,
+    State(trials): State<Arc<GatewayTrials>>,
     Path(name): Path<String>,
     body: Bytes,
 ) -> Response {
@@ -262,8 +274,8 @@ async fn try_out(
 }
 
 /// The result of a trial.
-async fn keep(
-    State(trials): State<Arc<Trials>>,
+async fn keep_result(
+    State(trials): State<Arc<GatewayTrials>>,
     Path(name): Path<String>,
     body: Bytes,
 ) -> Response {
@@ -287,7 +299,7 @@ async fn keep(
         .all(|order| trials.has_done(place, *order));
     let report = if !is_on {
         Report::refused(Reason::NotAllowed)
-    } else if result == Finding::Confirmed && !was_tried {
+    } else if result == TrialFinding::Confirmed && !was_tried {
         Report::refused(Reason::Unverified)
     } else {
         match trials.drive_as_it_is(description).await {
@@ -314,23 +326,27 @@ async fn keep(
         }
     };
     let kept = match result {
-        Finding::Contradicted if report.outcome == Outcome::Confirmed => {
+        TrialFinding::Contradicted if report.outcome == Outcome::Confirmed => {
             Report::new(Outcome::Failed, Reason::NotReadBack)
         }
         _ => report,
     };
-    let what = format!("qualify {}: {} by {by}", action.word(), result.word());
-    trials
-        .side
-        .keep(Who::TRIAL, Some(place), Tried::Text(what), kept);
-    let (action, result, outcome_word) = (action.word(), result.word(), report.outcome.word());
+    let what = format!("qualify {}: {} by {by}", action.keyword(), result.keyword());
+    trials.side.keep(
+        OrderingClient::TRIAL,
+        Some(place),
+        TriedWrite::Text(what),
+        kept,
+    );
+    let (action, result, outcome_word) =
+        (action.keyword(), result.keyword(), report.outcome.keyword());
     tracing::info!(drive = %description.name, action, result, by, outcome = outcome_word, "qualified");
     answer(&outcome(&name, report, Vec::new())).into_response()
 }
 
 /// Forgets all results of a drive.
 async fn forget(
-    State(trials): State<Arc<Trials>>,
+    State(trials): State<Arc<GatewayTrials>>,
     Path(name): Path<String>,
     body: Bytes,
 ) -> Response {
@@ -358,9 +374,9 @@ async fn forget(
     trials.forgets(description.place);
     let report = Report::new(Outcome::Confirmed, Reason::None);
     trials.side.keep(
-        Who::TRIAL,
+        OrderingClient::TRIAL,
         Some(description.place),
-        Tried::Text(format!("qualify: forgotten by {by}")),
+        TriedWrite::Text(format!("qualify: forgotten by {by}")),
         report,
     );
     tracing::info!(drive = %description.name, by, "results of trials forgotten");

@@ -1,8 +1,8 @@
 //! The documents of `vfd-gateway qualify`: what is unproven at a drive, what was found, and what the drive does.
 
 use super::body::TrialOrder;
-use super::{READ_WITHIN, Trials, frames};
-use crate::config::qualified::{QualifiedFact, Standing};
+use super::{GatewayTrials, READ_WITHIN, frames};
+use crate::config::qualified::{QualifiedFact, QualifiedStanding};
 use crate::config::{is_tried, is_unproven};
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::host::clock;
@@ -11,14 +11,14 @@ use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::link::Framing;
 use crate::domain::units::UnitOfMeasure;
 use crate::north::shown::{presence, run_state};
-use crate::profile::model::{Basic, Model, OrderKind, Role};
+use crate::profile::model::{BasicFact, Model, OrderKind, RegisterRole};
 use serde_json::{Map, Value, json};
 
 /// The name of the register that holds the version of the drive's firmware, where a model has one.
 const FIRMWARE: &str = "firmware";
 
 /// Everything about the trials of `drive`. The identity and the firmware are read from the drive.
-pub(super) async fn all(trials: &Trials, drive: &SharedDrive) -> Value {
+pub(super) async fn all(trials: &GatewayTrials, drive: &SharedDrive) -> Value {
     let description = &drive.description;
     let model = &*description.model;
     let qualified = trials.qualified().await;
@@ -32,7 +32,7 @@ pub(super) async fn all(trials: &Trials, drive: &SharedDrive) -> Value {
         .as_ref()
         .is_ok_and(|now| kept.is_some_and(|(then, _)| now != then));
     let void = match &standing {
-        Standing::Void(_, why) => Some(why.to_string()),
+        QualifiedStanding::Void(_, why) => Some(why.to_string()),
         _ => is_another.then(|| "the drive itself is another one now".to_owned()),
     };
     let control = description.control.as_deref();
@@ -62,15 +62,15 @@ pub(super) async fn all(trials: &Trials, drive: &SharedDrive) -> Value {
             .map_or(Framing::Rtu, |line| line.wiring.framing);
         let at = station.zip(Some(framing));
         let orders = OrderKind::ALL.into_iter().filter_map(|order| {
-            let frames = frames::of(TrialOrder::Sent(order), model, control, at?);
-            (!frames.is_empty()).then(|| (order.word().to_owned(), Value::from(frames)))
+            let frames = frames::order_frames(TrialOrder::Sent(order), model, control, at?);
+            (!frames.is_empty()).then(|| (order.keyword().to_owned(), Value::from(frames)))
         });
         shown["orders"] = orders.collect::<Map<_, _>>().into();
         shown["setpoint_hz"] = frames::trial_frequency(control).as_f64().into();
         shown["lost_after_ms"] = u64::try_from(control.lost_after.as_millis())
             .unwrap_or(u64::MAX)
             .into();
-        shown["on_commander_lost"] = control.on_commander_lost.word().into();
+        shown["on_commander_lost"] = control.on_commander_lost.keyword().into();
         shown["may_reverse"] = control.directions.contains(&Direction::Reverse).into();
         shown["may_go_forward"] = control.directions.contains(&Direction::Forward).into();
         shown["may_release"] = control.allow_release.into();
@@ -88,15 +88,17 @@ fn action(
 ) -> Value {
     let is_proven = !is_unproven(model, action);
     let rests_on = match action {
-        ControlAction::Basic if is_proven => model.basics().iter().map(Basic::described).collect(),
+        ControlAction::Basic if is_proven => {
+            model.basics().iter().map(BasicFact::described).collect()
+        }
         ControlAction::Basic => model
             .unproven_basics()
             .iter()
-            .map(Basic::described)
+            .map(BasicFact::described)
             .collect(),
         action => {
             let fact = model.run.as_ref().and_then(|run| run.action(action));
-            fact.map(|fact| format!("{} ({})", action.word(), fact.confidence.word()))
+            fact.map(|fact| format!("{} ({})", action.keyword(), fact.confidence.keyword()))
                 .into_iter()
                 .collect::<Vec<_>>()
         }
@@ -105,12 +107,12 @@ fn action(
     let is_site = control.is_some_and(|control| control.site.actions.contains(&action));
     let found = facts.iter().find(|it| it.action == action);
     json!({
-        "action": action.word(),
+        "action": action.keyword(),
         "rests_on": rests_on,
         "listed": is_in_force && !is_site,
         "in_force": is_in_force || is_proven,
         "proven": is_proven,
-        "result": found.map(|it| it.result.word()),
+        "result": found.map(|it| it.result.keyword()),
         "by": found.map(|it| it.by.as_str()),
         "at": found.map(|it| it.at.as_str()),
         "counts": found.is_some() && counts,
@@ -121,7 +123,10 @@ fn action(
 pub(super) fn state(drive: &SharedDrive) -> Value {
     let view = drive.view.load();
     let now = clock::now();
-    let output = drive.description.model.register_for(Role::OutputFrequency);
+    let output = drive
+        .description
+        .model
+        .register_for(RegisterRole::OutputFrequency);
     let reading = output.and_then(|register| view.snapshot.value(register));
     let hertz = match (output, reading) {
         (Some(output), Some(reading)) if output.unit == UnitOfMeasure::Hertz => {
@@ -132,7 +137,7 @@ pub(super) fn state(drive: &SharedDrive) -> Value {
     let control = view.control.as_ref();
     json!({
         "presence": presence(&view),
-        "run_state": run_state(&view).word(),
+        "run_state": run_state(&view).keyword(),
         "output_hz": hertz,
         "age_ms": reading.map(|it| u64::try_from(now.since(it.at).as_millis()).unwrap_or(u64::MAX)),
         "tripped": view.trip.active,
@@ -142,7 +147,7 @@ pub(super) fn state(drive: &SharedDrive) -> Value {
     })
 }
 
-async fn firmware(trials: &Trials, drive: &SharedDrive) -> Option<u16> {
+async fn firmware(trials: &GatewayTrials, drive: &SharedDrive) -> Option<u16> {
     let register = drive
         .description
         .model

@@ -1,6 +1,6 @@
 //! Metrics of drives.
 
-use super::{Metric, Name, counter, gauge, plain, seconds, truth};
+use super::{MetricFamily, MetricName, counter, gauge, plain, seconds, truth};
 use crate::domain::report::{ReplyReport, StationReport};
 use crate::drive::usage::UsagePart;
 use crate::drive::view::{ControlView, DriveView};
@@ -10,7 +10,7 @@ use prometheus_client::metrics::MetricType;
 use std::time::Duration;
 
 /// Each drive as its line sees it; labels `line` and `drive`.
-pub(in super::super) const STATION: &[Metric<StationReport>] = &[
+pub(in super::super) const STATION: &[MetricFamily<StationReport>] = &[
     gauge(
         "drive_oldest_age",
         "The oldest that a fast value became in the last minute or two.",
@@ -77,7 +77,7 @@ pub(in super::super) const STATION: &[Metric<StationReport>] = &[
 ];
 
 /// Its replies; labels `line`, `drive` and `class`.
-pub(in super::super) const REPLIES: &[Metric<ReplyReport>] = &[
+pub(in super::super) const REPLIES: &[MetricFamily<ReplyReport>] = &[
     gauge(
         "drive_reply_timeout",
         "How long the start of a reply is waited for.",
@@ -93,7 +93,7 @@ pub(in super::super) const REPLIES: &[Metric<ReplyReport>] = &[
 
 /// From the end of a request to the start of its reply; labels as those, and `share`: the share of all that took no
 /// longer, 1 for the longest.
-pub(in super::super) const REPLY_TIME: Name = plain(
+pub(in super::super) const REPLY_TIME: MetricName = plain(
     "drive_reply_time",
     Some("seconds"),
     "From the end of a request to the start of its reply.",
@@ -112,7 +112,7 @@ pub(in super::super) const QUANTILES: [Quantile; 5] = [
 ];
 
 /// All its reply times, in buckets; labels as those.
-pub(in super::super) const REPLY: Name = Name {
+pub(in super::super) const REPLY: MetricName = MetricName {
     name: "drive_reply",
     unit: Some("seconds"),
     help: "From the end of a request to the start of its reply, all since the start in buckets.",
@@ -120,7 +120,7 @@ pub(in super::super) const REPLY: Name = Name {
 };
 
 /// Outcomes of attempts to command each drive; labels `line`, `drive`, `source` and `outcome`.
-pub(in super::super) const COMMANDS: Name = Name {
+pub(in super::super) const COMMANDS: MetricName = MetricName {
     name: "drive_outcomes",
     unit: None,
     help: "Attempts to command or to write that have ended; sources of none are absent.",
@@ -128,7 +128,7 @@ pub(in super::super) const COMMANDS: Name = Name {
 };
 
 /// Each drive; labels `line` and `drive`. Metrics of control exist only for drives with a control section.
-pub(in super::super) const DRIVE: &[Metric<DriveView>] = &[
+pub(in super::super) const DRIVE: &[MetricFamily<DriveView>] = &[
     gauge("drive_online", "1 while the drive answers.", |view| {
         truth(view.is_online())
     }),
@@ -282,28 +282,28 @@ pub(in super::super) const DRIVE: &[Metric<DriveView>] = &[
 ];
 
 /// Whether it warns; labels `line` and `drive`.
-pub(in super::super) const WARNING: Name = plain(
+pub(in super::super) const WARNING: MetricName = plain(
     "drive_warning_active",
     None,
     "1 while the drive shows a warning; absent while that is not known, and for models without warnings.",
 );
 
 /// The output frequency as the drive reports it, while it is fresh; labels `line` and `drive`.
-pub(in super::super) const OUTPUT_FREQUENCY: Name = plain(
+pub(in super::super) const OUTPUT_FREQUENCY: MetricName = plain(
     "drive_output_frequency",
     Some("hertz"),
     "Output frequency; absent while it is stale.",
 );
 
 /// Every other polled register, while it is fresh; labels `line`, `drive`, `name` and `unit`.
-pub(in super::super) const VALUE: Name = plain(
+pub(in super::super) const VALUE: MetricName = plain(
     "drive_value",
     None,
     "Polled registers in their units; absent while stale.",
 );
 
 /// Age of its values; labels `line` and `drive`.
-pub(in super::super) const VALUE_AGE: Name = plain(
+pub(in super::super) const VALUE_AGE: MetricName = plain(
     "drive_value_age",
     Some("seconds"),
     "Age of the oldest fast value now; absent while one was never read.",

@@ -1,12 +1,12 @@
 //! Metrics of lines.
 
-use super::{Metric, counter, gauge, seconds, sum, truth};
+use super::{MetricFamily, counter, gauge, seconds, sum, truth};
 use crate::daemon::exchange::shared::SharedLine;
 use crate::domain::report::{LineReport, LineState};
 use crate::domain::standby::LineRole;
 
 /// Each line; label `line`.
-pub(in super::super) const LINE: &[Metric<LineReport>] = &[
+pub(in super::super) const LINE: &[MetricFamily<LineReport>] = &[
     gauge(
         "line_up",
         "1 while the line can be used: its port is open, and it is not jammed, echoing or mute.",
@@ -237,7 +237,7 @@ pub(in super::super) const LINE: &[Metric<LineReport>] = &[
 ];
 
 /// The thread of each line; label `line`.
-pub(in super::super) const THREAD: &[Metric<SharedLine>] = &[gauge(
+pub(in super::super) const THREAD: &[MetricFamily<SharedLine>] = &[gauge(
     "line_hangs",
     "1 while the line's thread hangs: no stop leaves on it then.",
     |line| truth(line.hangs()),

@@ -2,8 +2,8 @@
 //!
 //! Each name begins with [`PREFIX`] and ends with its unit; a counter's ends with `_total` besides.
 
-use super::reachable::Reachable;
-use super::state::State;
+use super::reachable::CommandReachability;
+use super::state::HttpState;
 use crate::daemon::exchange::totals::{
     ModbusTotals, MqttTotals, ReadTotals, SerialTotals, SparkplugTotals,
 };
@@ -24,13 +24,13 @@ pub(super) use line::{LINE, THREAD};
 pub(super) const PREFIX: &str = "vfd_gateway";
 
 /// One family of samples of a `T`.
-pub(super) struct Metric<T> {
-    pub name: Name,
-    pub sample: Sample<T>,
+pub(super) struct MetricFamily<T> {
+    pub name: MetricName,
+    pub sample: MetricSample<T>,
 }
 
 /// Name, unit, type and help of one family.
-pub(super) struct Name {
+pub(super) struct MetricName {
     pub name: &'static str,
     pub unit: Option<&'static str>,
     pub help: &'static str,
@@ -38,7 +38,7 @@ pub(super) struct Name {
 }
 
 /// How a sample is taken; it is left out if that returns `None`.
-pub(super) enum Sample<T> {
+pub(super) enum MetricSample<T> {
     Counter(fn(&T) -> Option<u64>),
     Sum(fn(&T) -> Option<f64>),
     Gauge(fn(&T) -> Option<f64>),
@@ -48,30 +48,34 @@ const fn counter<T>(
     name: &'static str,
     help: &'static str,
     take: fn(&T) -> Option<u64>,
-) -> Metric<T> {
-    let name = Name {
+) -> MetricFamily<T> {
+    let name = MetricName {
         name,
         unit: None,
         help,
         kind: MetricType::Counter,
     };
-    Metric {
+    MetricFamily {
         name,
-        sample: Sample::Counter(take),
+        sample: MetricSample::Counter(take),
     }
 }
 
 /// A counter of something other than a number of events.
-const fn sum<T>(name: &'static str, help: &'static str, take: fn(&T) -> Option<f64>) -> Metric<T> {
-    let name = Name {
+const fn sum<T>(
+    name: &'static str,
+    help: &'static str,
+    take: fn(&T) -> Option<f64>,
+) -> MetricFamily<T> {
+    let name = MetricName {
         name,
         unit: None,
         help,
         kind: MetricType::Counter,
     };
-    Metric {
+    MetricFamily {
         name,
-        sample: Sample::Sum(take),
+        sample: MetricSample::Sum(take),
     }
 }
 
@@ -79,22 +83,22 @@ const fn gauge<T>(
     name: &'static str,
     help: &'static str,
     take: fn(&T) -> Option<f64>,
-) -> Metric<T> {
-    Metric {
+) -> MetricFamily<T> {
+    MetricFamily {
         name: plain(name, None, help),
-        sample: Sample::Gauge(take),
+        sample: MetricSample::Gauge(take),
     }
 }
 
-impl<T> Metric<T> {
+impl<T> MetricFamily<T> {
     const fn in_unit(mut self, unit: &'static str) -> Self {
         self.name.unit = Some(unit);
         self
     }
 }
 
-const fn plain(name: &'static str, unit: Option<&'static str>, help: &'static str) -> Name {
-    Name {
+const fn plain(name: &'static str, unit: Option<&'static str>, help: &'static str) -> MetricName {
+    MetricName {
         name,
         unit,
         help,
@@ -103,14 +107,14 @@ const fn plain(name: &'static str, unit: Option<&'static str>, help: &'static st
 }
 
 /// The version, as a label of the number 1.
-pub(super) const BUILD: Name = plain("build_info", None, "Always 1; the version is a label.");
+pub(super) const BUILD: MetricName = plain("build_info", None, "Always 1; the version is a label.");
 
 /// The gateway as a whole.
-pub(super) const GATEWAY: &[Metric<State>] = &[
+pub(super) const GATEWAY: &[MetricFamily<HttpState>] = &[
     gauge(
         "process_start_time",
         "When the gateway started, since 1970-01-01 UTC.",
-        |state: &State| Some(state.started_at.unix_ms as f64 / 1000.0),
+        |state: &HttpState| Some(state.started_at.unix_ms as f64 / 1000.0),
     )
     .in_unit("seconds"),
     gauge(
@@ -121,7 +125,7 @@ pub(super) const GATEWAY: &[Metric<State>] = &[
 ];
 
 /// The Modbus TCP side.
-pub(super) const MODBUS: &[Metric<ModbusTotals>] = &[
+pub(super) const MODBUS: &[MetricFamily<ModbusTotals>] = &[
     gauge(
         "modbus_connections",
         "Modbus TCP connections that are open.",
@@ -163,7 +167,7 @@ pub(super) const MODBUS: &[Metric<ModbusTotals>] = &[
 ];
 
 /// The port of each serial master; label `master`.
-pub(super) const SERIAL: &[Metric<SerialTotals>] = &[
+pub(super) const SERIAL: &[MetricFamily<SerialTotals>] = &[
     counter(
         "serial_requests",
         "Requests of serial masters for units of the gateway.",
@@ -202,7 +206,7 @@ pub(super) const SERIAL: &[Metric<SerialTotals>] = &[
 ];
 
 /// The native reads of each listener; label `listener`.
-pub(super) const READS: &[Metric<ReadTotals>] = &[
+pub(super) const READS: &[MetricFamily<ReadTotals>] = &[
     counter(
         "modbus_native_reads_line",
         "Native reads that were passed to a line.",
@@ -228,7 +232,7 @@ pub(super) const READS: &[Metric<ReadTotals>] = &[
 ];
 
 /// Exceptions on Modbus TCP; label `code`.
-pub(super) const MODBUS_EXCEPTIONS: Name = Name {
+pub(super) const MODBUS_EXCEPTIONS: MetricName = MetricName {
     name: "modbus_exceptions",
     unit: None,
     help: "Modbus TCP exceptions by their code.",
@@ -236,7 +240,7 @@ pub(super) const MODBUS_EXCEPTIONS: Name = Name {
 };
 
 /// The Sparkplug side, if it is configured.
-pub(super) const SPARKPLUG: &[Metric<SparkplugTotals>] = &[
+pub(super) const SPARKPLUG: &[MetricFamily<SparkplugTotals>] = &[
     gauge(
         "sparkplug_connected",
         "1 while all is born and the way through the broker is proven; absent while another gateway is the edge node.",
@@ -331,7 +335,7 @@ pub(super) const SPARKPLUG: &[Metric<SparkplugTotals>] = &[
 ];
 
 /// The MQTT side, if a broker is configured.
-pub(super) const MQTT: &[Metric<MqttTotals>] = &[
+pub(super) const MQTT: &[MetricFamily<MqttTotals>] = &[
     gauge("mqtt_connected", "1 while the broker is reached.", |mqtt| {
         truth(mqtt.is_connected())
     }),
@@ -435,14 +439,14 @@ pub(super) const MQTT: &[Metric<MqttTotals>] = &[
 ];
 
 /// The socket for the program's own commands, if there is a data directory.
-pub(super) const SOCKET: &[Metric<Reachable>] = &[gauge(
+pub(super) const SOCKET: &[MetricFamily<CommandReachability>] = &[gauge(
     "socket_ok",
     "1 while the program's own commands reach the gateway.",
     |socket| truth(socket.refusal().is_none()),
 )];
 
 /// The journal, if there is a data directory.
-pub(super) const JOURNAL: &[Metric<JournalReport>] = &[
+pub(super) const JOURNAL: &[MetricFamily<JournalReport>] = &[
     gauge(
         "journal_ok",
         "1 while rows can be written to the journal; else the newest are in memory.",

@@ -2,26 +2,26 @@
 
 use super::encode;
 use super::limits::{IN_FLIGHT_MAX, WAITING_BYTES_MAX, WAITING_MAX};
-use super::packet::{Options, Outgoing, Qos, reason};
-use super::retained::{Post, Retained};
+use super::packet::{OutgoingPacket, PacketQos, SubscriptionOptions, reason};
+use super::retained::{ExpiringMessage, RetainedMessages};
 use crate::domain::time::MonoTime;
-use crate::north::broker::Version;
+use crate::north::broker::MqttVersion;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// A message for one client.
 #[derive(Clone, Debug)]
-pub struct Delivery {
-    pub post: Post,
-    pub qos: Qos,
+pub struct ClientDelivery {
+    pub post: ExpiringMessage,
+    pub qos: PacketQos,
     pub retain: bool,
     pub identifiers: Vec<u32>,
 }
 
 /// What a connection accepts.
 #[derive(Clone, Copy, Debug)]
-pub struct Taking {
-    pub version: Version,
+pub struct DeliveryLimits {
+    pub version: MqttVersion,
     /// Messages that may wait for an acknowledgement.
     pub window: usize,
     /// The longest packet.
@@ -31,28 +31,28 @@ pub struct Taking {
 /// All messages to one client.
 #[derive(Debug, Default)]
 pub struct ClientQueue {
-    waiting: VecDeque<Delivery>,
+    waiting: VecDeque<ClientDelivery>,
     /// Size of the waiting messages, in bytes.
     bytes: usize,
     /// Number of waiting messages at quality of service 0.
     passing: usize,
-    in_flight: VecDeque<InFlight>,
+    in_flight: VecDeque<InFlightDelivery>,
     asked: VecDeque<RetainedBatch>,
     last_id: u16,
     dropped: u64,
 }
 
 #[derive(Debug)]
-struct InFlight {
+struct InFlightDelivery {
     id: u16,
-    stage: Stage,
+    stage: DeliveryStage,
     /// Whether it was sent on this connection.
     is_sent: bool,
 }
 
 #[derive(Debug)]
-enum Stage {
-    Published(Delivery),
+enum DeliveryStage {
+    Published(ClientDelivery),
     /// The client has received it, but has not sent PUBCOMP yet.
     Released,
 }
@@ -61,7 +61,7 @@ enum Stage {
 #[derive(Debug)]
 struct RetainedBatch {
     filter: String,
-    options: Options,
+    options: SubscriptionOptions,
     after: Option<Arc<str>>,
     /// Messages that are retained later are delivered live.
     number: u64,
@@ -69,7 +69,7 @@ struct RetainedBatch {
 
 impl ClientQueue {
     /// Adds a message. If there is no room, the oldest at quality of service 0 is dropped, or else this one.
-    pub fn add(&mut self, delivery: Delivery) {
+    pub fn add(&mut self, delivery: ClientDelivery) {
         let weight = delivery.post.message.weight();
         while self.waiting.len() >= WAITING_MAX || self.bytes + weight > WAITING_BYTES_MAX {
             self.dropped += 1;
@@ -89,7 +89,7 @@ impl ClientQueue {
     }
 
     /// Sends what is retained for `filter` now, before what waits.
-    pub fn ask(&mut self, filter: &str, options: Options, retained: &Retained) {
+    pub fn ask(&mut self, filter: &str, options: SubscriptionOptions, retained: &RetainedMessages) {
         self.forget(filter);
         let number = retained.number();
         self.asked.push_back(RetainedBatch {
@@ -112,7 +112,7 @@ impl ClientQueue {
 
     /// Ends a connection: messages at quality of service 0 are dropped.
     pub fn end(&mut self) {
-        let gone: Vec<Delivery> = self
+        let gone: Vec<ClientDelivery> = self
             .waiting
             .iter()
             .filter(|it| is_passing(it))
@@ -130,12 +130,12 @@ impl ClientQueue {
     /// Handles an acknowledgement at quality of service 1.
     pub fn acked(&mut self, id: u16) {
         self.in_flight
-            .retain(|it| it.id != id || it.qos() != Some(Qos::AtLeastOnce));
+            .retain(|it| it.id != id || it.qos() != Some(PacketQos::AtLeastOnce));
     }
 
     /// Handles PUBREC: the client has the message, or refuses it. Returns the reason to answer with.
     pub fn received(&mut self, id: u16, is_taken: bool) -> Option<u8> {
-        let is_it = |it: &InFlight| it.id == id && it.qos() != Some(Qos::AtLeastOnce);
+        let is_it = |it: &InFlightDelivery| it.id == id && it.qos() != Some(PacketQos::AtLeastOnce);
         let Some(at) = self.in_flight.iter().position(is_it) else {
             return Some(reason::IDENTIFIER_NOT_FOUND);
         };
@@ -143,7 +143,7 @@ impl ClientQueue {
             self.in_flight.remove(at);
             return None;
         }
-        self.in_flight[at].stage = Stage::Released;
+        self.in_flight[at].stage = DeliveryStage::Released;
         self.in_flight[at].is_sent = true;
         Some(reason::SUCCESS)
     }
@@ -157,8 +157,8 @@ impl ClientQueue {
     /// Appends the next packet to `out`; returns false if there is none now.
     pub fn next(
         &mut self,
-        taking: Taking,
-        retained: &Retained,
+        taking: DeliveryLimits,
+        retained: &RetainedMessages,
         now: MonoTime,
         out: &mut Vec<u8>,
     ) -> bool {
@@ -182,11 +182,11 @@ impl ClientQueue {
                 self.dropped += 1;
                 continue;
             }
-            if delivery.qos != Qos::AtMostOnce {
+            if delivery.qos != PacketQos::AtMostOnce {
                 self.last_id = id;
-                self.in_flight.push_back(InFlight {
+                self.in_flight.push_back(InFlightDelivery {
                     id,
-                    stage: Stage::Published(delivery),
+                    stage: DeliveryStage::Published(delivery),
                     is_sent: true,
                 });
             }
@@ -196,7 +196,12 @@ impl ClientQueue {
     }
 
     /// The next message that may be sent: above quality of service 0 only if `has_room`.
-    fn take(&mut self, has_room: bool, retained: &Retained, now: MonoTime) -> Option<Delivery> {
+    fn take(
+        &mut self,
+        has_room: bool,
+        retained: &RetainedMessages,
+        now: MonoTime,
+    ) -> Option<ClientDelivery> {
         while let Some(asked) = self.asked.front_mut() {
             let Some(post) = retained.next(&asked.filter, asked.after.as_ref(), asked.number, now)
             else {
@@ -204,12 +209,12 @@ impl ClientQueue {
                 continue;
             };
             let qos = post.message.qos.min(asked.options.qos);
-            if qos != Qos::AtMostOnce && !has_room {
+            if qos != PacketQos::AtMostOnce && !has_room {
                 return None;
             }
             asked.after = Some(Arc::clone(&post.message.topic));
             let identifiers = asked.options.identifier.into_iter().collect();
-            return Some(Delivery {
+            return Some(ClientDelivery {
                 post: post.clone(),
                 qos,
                 retain: true,
@@ -221,7 +226,7 @@ impl ClientQueue {
         Some(delivery)
     }
 
-    fn count_out(&mut self, delivery: &Delivery) {
+    fn count_out(&mut self, delivery: &ClientDelivery) {
         self.bytes -= delivery.post.message.weight();
         self.passing -= usize::from(is_passing(delivery));
     }
@@ -238,22 +243,24 @@ impl ClientQueue {
     }
 }
 
-impl InFlight {
+impl InFlightDelivery {
     /// The quality of service of a message that waits for its first acknowledgement.
-    const fn qos(&self) -> Option<Qos> {
+    const fn qos(&self) -> Option<PacketQos> {
         match &self.stage {
-            Stage::Published(delivery) => Some(delivery.qos),
-            Stage::Released => None,
+            DeliveryStage::Published(delivery) => Some(delivery.qos),
+            DeliveryStage::Released => None,
         }
     }
 
     /// Writes it again, on another connection.
-    fn write(&mut self, taking: Taking, now: MonoTime, out: &mut Vec<u8>) {
+    fn write(&mut self, taking: DeliveryLimits, now: MonoTime, out: &mut Vec<u8>) {
         self.is_sent = true;
         match &self.stage {
-            Stage::Published(delivery) => write(delivery, self.id, true, taking.version, now, out),
-            Stage::Released => encode::packet(
-                &Outgoing::Released(self.id, reason::SUCCESS),
+            DeliveryStage::Published(delivery) => {
+                write(delivery, self.id, true, taking.version, now, out)
+            }
+            DeliveryStage::Released => encode::packet(
+                &OutgoingPacket::Released(self.id, reason::SUCCESS),
                 taking.version,
                 out,
             ),
@@ -261,28 +268,28 @@ impl InFlight {
     }
 }
 
-fn is_passing(delivery: &Delivery) -> bool {
-    delivery.qos == Qos::AtMostOnce
+fn is_passing(delivery: &ClientDelivery) -> bool {
+    delivery.qos == PacketQos::AtMostOnce
 }
 
 fn write(
-    delivery: &Delivery,
+    delivery: &ClientDelivery,
     id: u16,
     is_repeat: bool,
-    version: Version,
+    version: MqttVersion,
     now: MonoTime,
     out: &mut Vec<u8>,
 ) {
-    let Delivery {
+    let ClientDelivery {
         post,
         qos,
         retain,
         identifiers,
     } = delivery;
-    let packet_id = (*qos != Qos::AtMostOnce).then_some((id, is_repeat));
+    let packet_id = (*qos != PacketQos::AtMostOnce).then_some((id, is_repeat));
     let message = &*post.message;
     let expiry = post.seconds_left(now);
-    let packet = Outgoing::Publish {
+    let packet = OutgoingPacket::Publish {
         message,
         qos: *qos,
         retain: *retain,

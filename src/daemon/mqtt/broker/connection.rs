@@ -1,8 +1,8 @@
 //! The sockets of the broker: a task for each, which carries bytes between its client and the machine.
 
 use super::limits::PACKET_MAX;
-use super::machine::{ConnectionId, Machine};
-use super::packet::Fault;
+use super::machine::{BrokerMachine, ConnectionId};
+use super::packet::ProtocolFault;
 use super::reader;
 use crate::daemon::host::clock;
 use bytes::{Buf, BytesMut};
@@ -22,12 +22,12 @@ const FAREWELL: Duration = Duration::from_secs(2);
 const REPORT_EVERY: u32 = 40;
 
 /// The machine, and the tasks to wake when it has bytes for a connection.
-pub struct Shared {
-    state: Mutex<State>,
+pub struct SharedMachine {
+    state: Mutex<MachineState>,
 }
 
-struct State {
-    machine: Machine,
+struct MachineState {
+    machine: BrokerMachine,
     bells: HashMap<ConnectionId, Arc<Notify>>,
     beats: u32,
 }
@@ -36,15 +36,15 @@ struct State {
 pub struct ConnectionPermit {
     id: ConnectionId,
     bell: Arc<Notify>,
-    shared: Arc<Shared>,
+    shared: Arc<SharedMachine>,
 }
 
-impl Shared {
+impl SharedMachine {
     pub fn new() -> Arc<Self> {
         // The seed is for names, which are not secrets.
-        let machine = Machine::new(clock::wall_micros().unsigned_abs(), clock::now());
+        let machine = BrokerMachine::new(clock::wall_micros().unsigned_abs(), clock::now());
         Arc::new(Self {
-            state: Mutex::new(State {
+            state: Mutex::new(MachineState {
                 machine,
                 bells: HashMap::new(),
                 beats: 0,
@@ -86,7 +86,7 @@ impl Shared {
     }
 
     /// Runs `act` on the machine, then wakes the connections that have bytes to send.
-    fn with<T>(&self, act: impl FnOnce(&mut Machine) -> T) -> T {
+    fn with<T>(&self, act: impl FnOnce(&mut BrokerMachine) -> T) -> T {
         let mut state = self.state();
         let done = act(&mut state.machine);
         for id in state.machine.take_woken() {
@@ -97,7 +97,7 @@ impl Shared {
         done
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
+    fn state(&self) -> MutexGuard<'_, MachineState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -122,7 +122,7 @@ impl ConnectionPermit {
                     Err(fault)
                 }
             };
-            if let Err(Fault { reason, why }) = done {
+            if let Err(ProtocolFault { reason, why }) = done {
                 tracing::info!(%peer, reason, why, "client connection closed by the broker");
             }
         }

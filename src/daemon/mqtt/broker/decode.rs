@@ -1,57 +1,62 @@
 //! Decodes packets of clients strictly: what the specification forbids is an error.
 
 use super::packet::{
-    Connect, Expiry, Fault, Incoming, Message, Options, Qos, Refusal, RetainHandling, Wanted, Will,
-    reason,
+    ConnectPacket, ConnectRefusal, IncomingPacket, PacketQos, ProtocolFault, PublishedMessage,
+    RetainHandling, SessionExpiry, SubscriptionOptions, WantedFilter, WillMessage, reason,
 };
-use super::properties::{self, Properties};
-use super::reader::Reader;
+use super::properties::{self, PacketProperties};
+use super::reader::PacketReader;
 use super::topic;
-use crate::north::broker::Version;
+use crate::north::broker::MqttVersion;
 use std::time::Duration;
 
 /// CONNECT, as the first nibble of a packet.
 pub const CONNECT: u8 = 1;
 
 /// Reads CONNECT.
-pub fn connect(first: u8, body: &[u8], packet_max: usize) -> Result<Connect, Refusal> {
-    let mut reader = Reader::new(body);
+pub fn connect(first: u8, body: &[u8], packet_max: usize) -> Result<ConnectPacket, ConnectRefusal> {
+    let mut reader = PacketReader::new(body);
     let version = version(first, &mut reader)?;
     rest_of_connect(version, &mut reader, packet_max).map_err(|fault| match version {
-        Version::V4 => Refusal::Silent(fault),
-        Version::V5 => Refusal::Said(version, fault.reason),
+        MqttVersion::V4 => ConnectRefusal::Silent(fault),
+        MqttVersion::V5 => ConnectRefusal::Said(version, fault.reason),
     })
 }
 
-fn version(first: u8, reader: &mut Reader<'_>) -> Result<Version, Refusal> {
+fn version(first: u8, reader: &mut PacketReader<'_>) -> Result<MqttVersion, ConnectRefusal> {
     if first != CONNECT << 4 {
-        return Err(Refusal::Silent(Fault::protocol(
+        return Err(ConnectRefusal::Silent(ProtocolFault::protocol(
             "the first packet is not CONNECT",
         )));
     }
-    let name = reader.text().map_err(Refusal::Silent)?;
-    let level = reader.byte().map_err(Refusal::Silent)?;
+    let name = reader.text().map_err(ConnectRefusal::Silent)?;
+    let level = reader.byte().map_err(ConnectRefusal::Silent)?;
     match (name, level) {
-        ("MQTT", 4) => Ok(Version::V4),
-        ("MQTT", 5) => Ok(Version::V5),
+        ("MQTT", 4) => Ok(MqttVersion::V4),
+        ("MQTT", 5) => Ok(MqttVersion::V5),
         // 3.1 and bridges of mosquitto, which set the highest bit; both understand this answer.
-        ("MQIsdp", _) | ("MQTT", 0..4 | 0x80..) => Err(Refusal::Said(Version::V4, 1)),
-        ("MQTT", _) => Err(Refusal::Said(Version::V5, reason::UNSUPPORTED_VERSION)),
-        _ => Err(Refusal::Silent(Fault::protocol("another protocol"))),
+        ("MQIsdp", _) | ("MQTT", 0..4 | 0x80..) => Err(ConnectRefusal::Said(MqttVersion::V4, 1)),
+        ("MQTT", _) => Err(ConnectRefusal::Said(
+            MqttVersion::V5,
+            reason::UNSUPPORTED_VERSION,
+        )),
+        _ => Err(ConnectRefusal::Silent(ProtocolFault::protocol(
+            "another protocol",
+        ))),
     }
 }
 
 fn rest_of_connect(
-    version: Version,
-    reader: &mut Reader<'_>,
+    version: MqttVersion,
+    reader: &mut PacketReader<'_>,
     packet_max: usize,
-) -> Result<Connect, Fault> {
-    let flags = Flags(reader.byte()?);
+) -> Result<ConnectPacket, ProtocolFault> {
+    let flags = ConnectFlags(reader.byte()?);
     flags.check(version)?;
     let keep_alive = Duration::from_secs(u64::from(reader.two()?));
     let properties = properties_of(version, reader, properties::OF_CONNECT)?;
     if properties.has(properties::AUTHENTICATION_METHOD) {
-        return Err(Fault {
+        return Err(ProtocolFault {
             reason: reason::BAD_AUTHENTICATION_METHOD,
             why: "enhanced authentication",
         });
@@ -63,13 +68,13 @@ fn rest_of_connect(
         .number(properties::PACKET_MAXIMUM)
         .map_or(packet_max, |it| it as usize);
     if receive_maximum == 0 || packet_maximum == 0 {
-        return Err(Fault::protocol("a maximum of 0"));
+        return Err(ProtocolFault::protocol("a maximum of 0"));
     }
     let expiry = match version {
-        Version::V4 if flags.is(0x02) => Expiry::AT_ONCE,
-        Version::V4 => Expiry::Never,
-        Version::V5 => {
-            Expiry::from_seconds(properties.number(properties::SESSION_EXPIRY).unwrap_or(0))
+        MqttVersion::V4 if flags.is(0x02) => SessionExpiry::AT_ONCE,
+        MqttVersion::V4 => SessionExpiry::Never,
+        MqttVersion::V5 => {
+            SessionExpiry::from_seconds(properties.number(properties::SESSION_EXPIRY).unwrap_or(0))
         }
     };
     let client = reader.text()?.to_owned();
@@ -86,7 +91,7 @@ fn rest_of_connect(
         reader.binary()?;
     }
     reader.end()?;
-    Ok(Connect {
+    Ok(ConnectPacket {
         version,
         client,
         clean_start: flags.is(0x02),
@@ -100,106 +105,128 @@ fn rest_of_connect(
 
 /// Flags of CONNECT.
 #[derive(Clone, Copy)]
-struct Flags(u8);
+struct ConnectFlags(u8);
 
-impl Flags {
+impl ConnectFlags {
     const fn is(self, bit: u8) -> bool {
         self.0 & bit != 0
     }
 
-    fn check(self, version: Version) -> Result<(), Fault> {
+    fn check(self, version: MqttVersion) -> Result<(), ProtocolFault> {
         let has_no_will = !self.is(0x04) && self.is(0x38);
-        let has_password_alone = version == Version::V4 && self.is(0x40) && !self.is(0x80);
+        let has_password_alone = version == MqttVersion::V4 && self.is(0x40) && !self.is(0x80);
         if self.is(0x01) || has_no_will || has_password_alone {
-            return Err(Fault::malformed("contradictory flags of CONNECT"));
+            return Err(ProtocolFault::malformed("contradictory flags of CONNECT"));
         }
         Ok(())
     }
 }
 
-fn will(version: Version, flags: Flags, reader: &mut Reader<'_>) -> Result<Will, Fault> {
-    let qos = Qos::new(flags.0 >> 3 & 3).ok_or(Fault::malformed("quality of service 3"))?;
+fn will(
+    version: MqttVersion,
+    flags: ConnectFlags,
+    reader: &mut PacketReader<'_>,
+) -> Result<WillMessage, ProtocolFault> {
+    let qos =
+        PacketQos::new(flags.0 >> 3 & 3).ok_or(ProtocolFault::malformed("quality of service 3"))?;
     let properties = properties_of(version, reader, properties::OF_WILL)?;
     let delay = properties.number(properties::WILL_DELAY).unwrap_or(0);
     let topic = reader.text()?;
     let payload = reader.binary()?;
     let message = message(topic, payload, qos, flags.is(0x20), properties)?;
-    Ok(Will {
+    Ok(WillMessage {
         message,
         delay: Duration::from_secs(u64::from(delay)),
     })
 }
 
 /// Reads any other packet.
-pub fn packet(first: u8, body: &[u8], version: Version) -> Result<Incoming, Fault> {
-    let mut reader = Reader::new(body);
+pub fn packet(
+    first: u8,
+    body: &[u8],
+    version: MqttVersion,
+) -> Result<IncomingPacket, ProtocolFault> {
+    let mut reader = PacketReader::new(body);
     let packet = match (first >> 4, first & 0x0F) {
         (3, flags) => return publish(flags, &mut reader, version),
-        (4, 0) => Incoming::Acked(ack(&mut reader, version)?.0),
+        (4, 0) => IncomingPacket::Acked(ack(&mut reader, version)?.0),
         (5, 0) => {
             let (packet_id, code) = ack(&mut reader, version)?;
-            Incoming::Received {
+            IncomingPacket::Received {
                 packet_id,
                 is_taken: code < reason::REFUSED,
             }
         }
-        (6, 2) => Incoming::Released(ack(&mut reader, version)?.0),
-        (7, 0) => Incoming::Completed(ack(&mut reader, version)?.0),
+        (6, 2) => IncomingPacket::Released(ack(&mut reader, version)?.0),
+        (7, 0) => IncomingPacket::Completed(ack(&mut reader, version)?.0),
         (8, 2) => subscribe(&mut reader, version)?,
         (10, 2) => unsubscribe(&mut reader, version)?,
-        (12, 0) => Incoming::Ping,
+        (12, 0) => IncomingPacket::Ping,
         (14, 0) => disconnect(&mut reader, version)?,
-        (CONNECT, _) => return Err(Fault::protocol("a second CONNECT")),
-        (15, _) if version == Version::V5 => return Err(Fault::protocol("AUTH without a method")),
-        (2 | 9 | 11 | 13, _) => return Err(Fault::protocol("a packet that only brokers send")),
-        _ => return Err(Fault::malformed("an unknown packet, or wrong flags")),
+        (CONNECT, _) => return Err(ProtocolFault::protocol("a second CONNECT")),
+        (15, _) if version == MqttVersion::V5 => {
+            return Err(ProtocolFault::protocol("AUTH without a method"));
+        }
+        (2 | 9 | 11 | 13, _) => {
+            return Err(ProtocolFault::protocol("a packet that only brokers send"));
+        }
+        _ => {
+            return Err(ProtocolFault::malformed(
+                "an unknown packet, or wrong flags",
+            ));
+        }
     };
     reader.end()?;
     Ok(packet)
 }
 
 fn properties_of<'a>(
-    version: Version,
-    reader: &mut Reader<'a>,
+    version: MqttVersion,
+    reader: &mut PacketReader<'a>,
     allowed: &[u8],
-) -> Result<Properties<'a>, Fault> {
+) -> Result<PacketProperties<'a>, ProtocolFault> {
     match version {
-        Version::V4 => Ok(Properties::default()),
-        Version::V5 => Properties::read(reader, allowed),
+        MqttVersion::V4 => Ok(PacketProperties::default()),
+        MqttVersion::V5 => PacketProperties::read(reader, allowed),
     }
 }
 
-fn publish(flags: u8, reader: &mut Reader<'_>, version: Version) -> Result<Incoming, Fault> {
-    let qos = Qos::new(flags >> 1 & 3).ok_or(Fault::malformed("quality of service 3"))?;
-    if qos == Qos::AtMostOnce && flags & 0x08 != 0 {
-        return Err(Fault::malformed("a repeat at quality of service 0"));
+fn publish(
+    flags: u8,
+    reader: &mut PacketReader<'_>,
+    version: MqttVersion,
+) -> Result<IncomingPacket, ProtocolFault> {
+    let qos =
+        PacketQos::new(flags >> 1 & 3).ok_or(ProtocolFault::malformed("quality of service 3"))?;
+    if qos == PacketQos::AtMostOnce && flags & 0x08 != 0 {
+        return Err(ProtocolFault::malformed("a repeat at quality of service 0"));
     }
     let topic = reader.text()?;
-    let packet_id = if qos == Qos::AtMostOnce {
+    let packet_id = if qos == PacketQos::AtMostOnce {
         None
     } else {
         Some(reader.packet_id()?)
     };
     let properties = properties_of(version, reader, properties::OF_PUBLISH)?;
     if properties.has(properties::TOPIC_ALIAS) {
-        return Err(Fault {
+        return Err(ProtocolFault {
             reason: reason::TOPIC_ALIAS_INVALID,
             why: "a topic alias, and none is allowed",
         });
     }
     let message = message(topic, reader.rest(), qos, flags & 1 != 0, properties)?;
-    Ok(Incoming::Publish { message, packet_id })
+    Ok(IncomingPacket::Publish { message, packet_id })
 }
 
 fn message(
     topic: &str,
     payload: &[u8],
-    qos: Qos,
+    qos: PacketQos,
     retain: bool,
-    properties: Properties<'_>,
-) -> Result<Message, Fault> {
+    properties: PacketProperties<'_>,
+) -> Result<PublishedMessage, ProtocolFault> {
     if !topic::is_name(topic) {
-        return Err(Fault {
+        return Err(ProtocolFault {
             reason: reason::TOPIC_INVALID,
             why: "a topic name that is not valid",
         });
@@ -208,14 +235,16 @@ fn message(
         .text(properties::RESPONSE_TOPIC)
         .is_some_and(|it| !topic::is_name(it))
     {
-        return Err(Fault::protocol("a response topic that is not valid"));
+        return Err(ProtocolFault::protocol(
+            "a response topic that is not valid",
+        ));
     }
     let expiry = properties
         .number(properties::MESSAGE_EXPIRY)
         .map(|it| Duration::from_secs(u64::from(it)));
     let topic = topic.into();
     let payload = payload.to_vec();
-    Ok(Message {
+    Ok(PublishedMessage {
         topic,
         payload,
         qos,
@@ -226,24 +255,27 @@ fn message(
 }
 
 /// The identifier and the reason of an acknowledgement.
-fn ack(reader: &mut Reader<'_>, version: Version) -> Result<(u16, u8), Fault> {
+fn ack(reader: &mut PacketReader<'_>, version: MqttVersion) -> Result<(u16, u8), ProtocolFault> {
     let packet_id = reader.packet_id()?;
-    if version == Version::V4 || reader.is_empty() {
+    if version == MqttVersion::V4 || reader.is_empty() {
         return Ok((packet_id, reason::SUCCESS));
     }
     let code = reader.byte()?;
     if !reader.is_empty() {
-        Properties::read(reader, properties::OF_ACK)?;
+        PacketProperties::read(reader, properties::OF_ACK)?;
     }
     Ok((packet_id, code))
 }
 
-fn subscribe(reader: &mut Reader<'_>, version: Version) -> Result<Incoming, Fault> {
+fn subscribe(
+    reader: &mut PacketReader<'_>,
+    version: MqttVersion,
+) -> Result<IncomingPacket, ProtocolFault> {
     let packet_id = reader.packet_id()?;
     let properties = properties_of(version, reader, properties::OF_SUBSCRIBE)?;
     let identifier = properties.number(properties::SUBSCRIPTION_IDENTIFIER);
     if identifier == Some(0) {
-        return Err(Fault::protocol("subscription identifier 0"));
+        return Err(ProtocolFault::protocol("subscription identifier 0"));
     }
     let mut wanted = Vec::new();
     while !reader.is_empty() {
@@ -251,27 +283,32 @@ fn subscribe(reader: &mut Reader<'_>, version: Version) -> Result<Incoming, Faul
         wanted.push(one_wanted(filter, reader.byte()?, identifier, version)?);
     }
     if wanted.is_empty() {
-        return Err(Fault::protocol("a subscription without a filter"));
+        return Err(ProtocolFault::protocol("a subscription without a filter"));
     }
-    Ok(Incoming::Subscribe { packet_id, wanted })
+    Ok(IncomingPacket::Subscribe { packet_id, wanted })
 }
 
 fn one_wanted(
     filter: &str,
     options: u8,
     identifier: Option<u32>,
-    version: Version,
-) -> Result<Wanted, Fault> {
-    let reserved = if version == Version::V4 { 0xFC } else { 0xC0 };
+    version: MqttVersion,
+) -> Result<WantedFilter, ProtocolFault> {
+    let reserved = if version == MqttVersion::V4 {
+        0xFC
+    } else {
+        0xC0
+    };
     if options & reserved != 0 {
-        return Err(Fault::malformed(
+        return Err(ProtocolFault::malformed(
             "options of a subscription that do not exist",
         ));
     }
-    let qos = Qos::new(options & 3).ok_or(Fault::malformed("quality of service 3"))?;
+    let qos =
+        PacketQos::new(options & 3).ok_or(ProtocolFault::malformed("quality of service 3"))?;
     let no_local = options & 0x04 != 0;
     if no_local && filter.starts_with("$share/") {
-        return Err(Fault::protocol(
+        return Err(ProtocolFault::protocol(
             "a shared subscription that leaves out the client's own messages",
         ));
     }
@@ -279,22 +316,25 @@ fn one_wanted(
         0 => RetainHandling::Always,
         1 => RetainHandling::IfNew,
         2 => RetainHandling::Never,
-        _ => return Err(Fault::protocol("retain handling 3")),
+        _ => return Err(ProtocolFault::protocol("retain handling 3")),
     };
-    let options = Options {
+    let options = SubscriptionOptions {
         qos,
         no_local,
         as_published: options & 0x08 != 0,
         identifier,
     };
-    Ok(Wanted {
+    Ok(WantedFilter {
         filter: filter.to_owned(),
         options,
         retained,
     })
 }
 
-fn unsubscribe(reader: &mut Reader<'_>, version: Version) -> Result<Incoming, Fault> {
+fn unsubscribe(
+    reader: &mut PacketReader<'_>,
+    version: MqttVersion,
+) -> Result<IncomingPacket, ProtocolFault> {
     let packet_id = reader.packet_id()?;
     properties_of(version, reader, properties::OF_UNSUBSCRIBE)?;
     let mut filters = Vec::new();
@@ -302,14 +342,17 @@ fn unsubscribe(reader: &mut Reader<'_>, version: Version) -> Result<Incoming, Fa
         filters.push(reader.text()?.to_owned());
     }
     if filters.is_empty() {
-        return Err(Fault::protocol("UNSUBSCRIBE without a filter"));
+        return Err(ProtocolFault::protocol("UNSUBSCRIBE without a filter"));
     }
-    Ok(Incoming::Unsubscribe { packet_id, filters })
+    Ok(IncomingPacket::Unsubscribe { packet_id, filters })
 }
 
-fn disconnect(reader: &mut Reader<'_>, version: Version) -> Result<Incoming, Fault> {
-    if version == Version::V4 || reader.is_empty() {
-        return Ok(Incoming::Disconnect {
+fn disconnect(
+    reader: &mut PacketReader<'_>,
+    version: MqttVersion,
+) -> Result<IncomingPacket, ProtocolFault> {
+    if version == MqttVersion::V4 || reader.is_empty() {
+        return Ok(IncomingPacket::Disconnect {
             with_will: false,
             expiry: None,
         });
@@ -317,13 +360,13 @@ fn disconnect(reader: &mut Reader<'_>, version: Version) -> Result<Incoming, Fau
     let code = reader.byte()?;
     let mut expiry = None;
     if !reader.is_empty() {
-        let properties = Properties::read(reader, properties::OF_DISCONNECT)?;
+        let properties = PacketProperties::read(reader, properties::OF_DISCONNECT)?;
         expiry = properties
             .number(properties::SESSION_EXPIRY)
-            .map(Expiry::from_seconds);
+            .map(SessionExpiry::from_seconds);
     }
     // Every reason but the ordinary one leaves the will.
-    Ok(Incoming::Disconnect {
+    Ok(IncomingPacket::Disconnect {
         with_will: code != reason::SUCCESS,
         expiry,
     })

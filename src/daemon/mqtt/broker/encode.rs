@@ -1,21 +1,21 @@
 //! Encodes packets of the broker.
 
 use super::limits::{IN_FLIGHT_MAX, PACKET_MAX};
-use super::packet::{Message, Outgoing, Qos, reason};
+use super::packet::{OutgoingPacket, PacketQos, PublishedMessage, reason};
 use super::properties;
-use crate::north::broker::Version;
+use crate::north::broker::MqttVersion;
 
 /// Appends `packet` to `out`.
-pub fn packet(packet: &Outgoing<'_>, version: Version, out: &mut Vec<u8>) {
+pub fn packet(packet: &OutgoingPacket<'_>, version: MqttVersion, out: &mut Vec<u8>) {
     match packet {
-        Outgoing::ConnAck {
+        OutgoingPacket::ConnAck {
             session_present,
             code,
             assigned,
         } => {
             conn_ack(*session_present, *code, *assigned, version, out);
         }
-        Outgoing::Publish {
+        OutgoingPacket::Publish {
             message,
             qos,
             retain,
@@ -35,28 +35,30 @@ pub fn packet(packet: &Outgoing<'_>, version: Version, out: &mut Vec<u8>) {
             );
             frame(0x30 | flags, &[&head, &message.payload], out);
         }
-        Outgoing::Acked(id) => ack(0x40, *id, reason::SUCCESS, version, out),
-        Outgoing::Received(id) => ack(0x50, *id, reason::SUCCESS, version, out),
-        Outgoing::Released(id, code) => ack(0x62, *id, *code, version, out),
-        Outgoing::Completed(id, code) => ack(0x70, *id, *code, version, out),
-        Outgoing::SubAck(id, codes) => frame(0x90, &[&id.to_be_bytes(), none(version), codes], out),
+        OutgoingPacket::Acked(id) => ack(0x40, *id, reason::SUCCESS, version, out),
+        OutgoingPacket::Received(id) => ack(0x50, *id, reason::SUCCESS, version, out),
+        OutgoingPacket::Released(id, code) => ack(0x62, *id, *code, version, out),
+        OutgoingPacket::Completed(id, code) => ack(0x70, *id, *code, version, out),
+        OutgoingPacket::SubAck(id, codes) => {
+            frame(0x90, &[&id.to_be_bytes(), none(version), codes], out)
+        }
         // 3.1.1 has no codes here.
-        Outgoing::UnsubAck(id, _) if version == Version::V4 => {
+        OutgoingPacket::UnsubAck(id, _) if version == MqttVersion::V4 => {
             frame(0xB0, &[&id.to_be_bytes()], out)
         }
-        Outgoing::UnsubAck(id, codes) => frame(0xB0, &[&id.to_be_bytes(), &[0], codes], out),
-        Outgoing::Pong => frame(0xD0, &[], out),
+        OutgoingPacket::UnsubAck(id, codes) => frame(0xB0, &[&id.to_be_bytes(), &[0], codes], out),
+        OutgoingPacket::Pong => frame(0xD0, &[], out),
         // In 3.1.1 a broker only closes the connection.
-        Outgoing::Disconnect(..) if version == Version::V4 => {}
-        Outgoing::Disconnect(code, why) => disconnect(*code, why, out),
+        OutgoingPacket::Disconnect(..) if version == MqttVersion::V4 => {}
+        OutgoingPacket::Disconnect(code, why) => disconnect(*code, why, out),
     }
 }
 
 /// No properties.
-const fn none(version: Version) -> &'static [u8] {
+const fn none(version: MqttVersion) -> &'static [u8] {
     match version {
-        Version::V4 => &[],
-        Version::V5 => &[0],
+        MqttVersion::V4 => &[],
+        MqttVersion::V5 => &[0],
     }
 }
 
@@ -64,11 +66,11 @@ fn conn_ack(
     session_present: bool,
     code: u8,
     assigned: Option<&str>,
-    version: Version,
+    version: MqttVersion,
     out: &mut Vec<u8>,
 ) {
     let head = [u8::from(session_present), code];
-    if version == Version::V4 {
+    if version == MqttVersion::V4 {
         return frame(0x20, &[&head], out);
     }
     let mut list = Vec::new();
@@ -89,19 +91,19 @@ fn conn_ack(
 
 /// All of PUBLISH up to its payload.
 fn publish_head(
-    message: &Message,
-    qos: Qos,
+    message: &PublishedMessage,
+    qos: PacketQos,
     packet_id: Option<u16>,
     expiry: Option<u32>,
     identifiers: &[u32],
-    version: Version,
+    version: MqttVersion,
 ) -> Vec<u8> {
     let mut head = Vec::with_capacity(message.topic.len() + message.properties.len() + 32);
     text(&message.topic, &mut head);
-    if qos != Qos::AtMostOnce {
+    if qos != PacketQos::AtMostOnce {
         head.extend(packet_id.unwrap_or_default().to_be_bytes());
     }
-    if version == Version::V4 {
+    if version == MqttVersion::V4 {
         return head;
     }
     let mut list = Vec::new();
@@ -131,8 +133,8 @@ fn disconnect(code: u8, why: &str, out: &mut Vec<u8>) {
     frame(0xE0, &[&[code], &length, &list], out);
 }
 
-fn ack(first: u8, id: u16, code: u8, version: Version, out: &mut Vec<u8>) {
-    let code: &[u8] = if version == Version::V4 || code == reason::SUCCESS {
+fn ack(first: u8, id: u16, code: u8, version: MqttVersion, out: &mut Vec<u8>) {
+    let code: &[u8] = if version == MqttVersion::V4 || code == reason::SUCCESS {
         &[]
     } else {
         &[code]

@@ -1,17 +1,19 @@
 //! The broker without sockets and clocks: it takes packets and the time, and returns what is to be sent.
 
-use super::client_queue::Taking;
+use super::client_queue::DeliveryLimits;
 use super::decode;
 use super::encode;
 use super::limits::{
     CONNECTIONS_MAX, IN_FLIGHT_MAX, INCOMING_MAX, PACKET_MAX, RETAINED_BYTES_MAX, RETAINED_MAX,
 };
-use super::packet::{Fault, Incoming, Outgoing, Qos, Refusal, reason};
-use super::retained::{Post, Retained};
-use super::session::{Session, SessionId};
-use super::tree::Tree;
+use super::packet::{
+    ConnectRefusal, IncomingPacket, OutgoingPacket, PacketQos, ProtocolFault, reason,
+};
+use super::retained::{ExpiringMessage, RetainedMessages};
+use super::session::{ClientSession, SessionId};
+use super::tree::SubscriptionTree;
 use crate::domain::time::MonoTime;
-use crate::north::broker::Version;
+use crate::north::broker::MqttVersion;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 use std::time::Duration;
@@ -35,12 +37,12 @@ pub struct ConnectionId(u64);
 
 /// The broker.
 #[derive(Debug)]
-pub struct Machine {
-    pub(super) connections: BTreeMap<ConnectionId, Connection>,
-    pub(super) sessions: BTreeMap<SessionId, Session>,
+pub struct BrokerMachine {
+    pub(super) connections: BTreeMap<ConnectionId, BrokerConnection>,
+    pub(super) sessions: BTreeMap<SessionId, ClientSession>,
     pub(super) clients: HashMap<Arc<str>, SessionId>,
-    pub(super) subscriptions: Tree,
-    pub(super) retained: Retained,
+    pub(super) subscriptions: SubscriptionTree,
+    pub(super) retained: RetainedMessages,
     /// Connections that have bytes to send or are to be closed.
     pub(super) woken: BTreeSet<ConnectionId>,
     /// Dropped messages of sessions that have ended, by client.
@@ -58,9 +60,9 @@ pub struct Machine {
 
 /// One connection.
 #[derive(Debug)]
-pub(super) struct Connection {
+pub(super) struct BrokerConnection {
     /// What it accepts; known from CONNECT on.
-    pub taking: Taking,
+    pub taking: DeliveryLimits,
     pub session: Option<SessionId>,
     /// The silence after which it is closed.
     pub silence_max: Option<Duration>,
@@ -71,10 +73,10 @@ pub(super) struct Connection {
     pub is_ending: bool,
 }
 
-impl Connection {
+impl BrokerConnection {
     /// Messages at quality of service 2 that it may leave unreleased. 3.1.1 cannot announce a limit.
     fn incoming_max(&self) -> usize {
-        if self.taking.version == Version::V4 {
+        if self.taking.version == MqttVersion::V4 {
             INCOMING_MAX
         } else {
             usize::from(IN_FLIGHT_MAX)
@@ -88,33 +90,33 @@ impl Connection {
         } else {
             why
         };
-        self.reply(&Outgoing::Disconnect(reason, why));
+        self.reply(&OutgoingPacket::Disconnect(reason, why));
         self.is_ending = true;
     }
 
-    pub fn reply(&mut self, packet: &Outgoing<'_>) {
+    pub fn reply(&mut self, packet: &OutgoingPacket<'_>) {
         encode::packet(packet, self.taking.version, &mut self.replies);
     }
 }
 
 /// Messages that were dropped since the last report.
 #[derive(Debug, Default, PartialEq, Eq)]
-pub struct Report {
+pub struct DroppedReport {
     /// Clients, and how many messages for them were dropped.
     pub dropped: BTreeMap<Arc<str>, u64>,
     /// Retained messages that were not kept.
     pub not_kept: u64,
 }
 
-impl Machine {
+impl BrokerMachine {
     /// A broker that starts at `now`; identifiers of clients without one are made from `seed`.
     pub fn new(seed: u64, now: MonoTime) -> Self {
         Self {
             connections: BTreeMap::new(),
             sessions: BTreeMap::new(),
             clients: HashMap::new(),
-            subscriptions: Tree::default(),
-            retained: Retained::new(RETAINED_MAX, RETAINED_BYTES_MAX),
+            subscriptions: SubscriptionTree::default(),
+            retained: RetainedMessages::new(RETAINED_MAX, RETAINED_BYTES_MAX),
             woken: BTreeSet::new(),
             dropped: BTreeMap::new(),
             not_kept: 0,
@@ -133,12 +135,12 @@ impl Machine {
         }
         self.number += 1;
         let id = ConnectionId(self.number);
-        let taking = Taking {
-            version: Version::V4,
+        let taking = DeliveryLimits {
+            version: MqttVersion::V4,
             window: usize::from(IN_FLIGHT_MAX),
             packet_max: PACKET_MAX as usize,
         };
-        let connection = Connection {
+        let connection = BrokerConnection {
             taking,
             session: None,
             silence_max: Some(CONNECT_WITHIN),
@@ -160,7 +162,7 @@ impl Machine {
         first: u8,
         body: &[u8],
         now: MonoTime,
-    ) -> Result<(), Fault> {
+    ) -> Result<(), ProtocolFault> {
         let Some(connection) = self.connections.get_mut(&id).filter(|it| !it.is_ending) else {
             return Ok(());
         };
@@ -178,7 +180,7 @@ impl Machine {
     }
 
     /// Handles bytes that are not a packet.
-    pub fn fail(&mut self, id: ConnectionId, fault: Fault, now: MonoTime) {
+    pub fn fail(&mut self, id: ConnectionId, fault: ProtocolFault, now: MonoTime) {
         let Some(connection) = self.connections.get_mut(&id).filter(|it| !it.is_ending) else {
             return;
         };
@@ -231,7 +233,7 @@ impl Machine {
             self.connections.values_mut().for_each(|it| it.heard = now);
         }
         let is_silent =
-            |it: &Connection| it.silence_max.is_some_and(|max| now.since(it.heard) >= max);
+            |it: &BrokerConnection| it.silence_max.is_some_and(|max| now.since(it.heard) >= max);
         let silent = self
             .connections
             .iter()
@@ -240,7 +242,7 @@ impl Machine {
         for id in silent.collect::<Vec<_>>() {
             self.fail(
                 id,
-                Fault {
+                ProtocolFault {
                     reason: reason::KEEP_ALIVE_TIMEOUT,
                     why: "silence",
                 },
@@ -260,7 +262,7 @@ impl Machine {
     }
 
     /// What was dropped since the last report.
-    pub fn take_report(&mut self) -> Report {
+    pub fn take_report(&mut self) -> DroppedReport {
         let mut dropped = std::mem::take(&mut self.dropped);
         for session in self.sessions.values_mut() {
             let count = session.queue.take_dropped();
@@ -268,7 +270,7 @@ impl Machine {
                 *dropped.entry(Arc::clone(&session.client)).or_default() += count;
             }
         }
-        Report {
+        DroppedReport {
             dropped,
             not_kept: std::mem::take(&mut self.not_kept),
         }
@@ -280,19 +282,19 @@ impl Machine {
         first: u8,
         body: &[u8],
         now: MonoTime,
-    ) -> Result<(), Fault> {
+    ) -> Result<(), ProtocolFault> {
         match decode::connect(first, body, PACKET_MAX as usize) {
             Ok(connect) => {
                 self.connect(id, connect, now);
                 Ok(())
             }
-            Err(Refusal::Silent(fault)) => {
+            Err(ConnectRefusal::Silent(fault)) => {
                 self.fail(id, fault, now);
                 Err(fault)
             }
-            Err(Refusal::Said(version, code)) => {
+            Err(ConnectRefusal::Said(version, code)) => {
                 self.refuse(id, version, code);
-                Err(Fault {
+                Err(ProtocolFault {
                     reason: code,
                     why: "a connection that is refused",
                 })
@@ -304,26 +306,26 @@ impl Machine {
         &mut self,
         id: ConnectionId,
         session: SessionId,
-        packet: Incoming,
+        packet: IncomingPacket,
         now: MonoTime,
-    ) -> Result<(), Fault> {
+    ) -> Result<(), ProtocolFault> {
         match packet {
-            Incoming::Publish { message, packet_id } => {
+            IncomingPacket::Publish { message, packet_id } => {
                 let qos = message.qos;
-                let post = Post::new(message, now);
+                let post = ExpiringMessage::new(message, now);
                 return self.published(id, session, qos, packet_id, &post);
             }
-            Incoming::Subscribe { packet_id, wanted } => {
+            IncomingPacket::Subscribe { packet_id, wanted } => {
                 self.subscribe(id, session, packet_id, &wanted)
             }
-            Incoming::Unsubscribe { packet_id, filters } => {
+            IncomingPacket::Unsubscribe { packet_id, filters } => {
                 self.unsubscribe(id, session, packet_id, &filters)
             }
-            Incoming::Ping => self.reply(id, &Outgoing::Pong),
-            Incoming::Disconnect { with_will, expiry } => {
+            IncomingPacket::Ping => self.reply(id, &OutgoingPacket::Pong),
+            IncomingPacket::Disconnect { with_will, expiry } => {
                 return self.leave(id, session, with_will, expiry, now);
             }
-            Incoming::Released(packet_id) => {
+            IncomingPacket::Released(packet_id) => {
                 let was_there = self
                     .sessions
                     .get_mut(&session)
@@ -333,13 +335,13 @@ impl Machine {
                 } else {
                     reason::IDENTIFIER_NOT_FOUND
                 };
-                self.reply(id, &Outgoing::Completed(packet_id, code));
+                self.reply(id, &OutgoingPacket::Completed(packet_id, code));
             }
-            Incoming::Acked(packet_id) => self.queue(session, |queue| queue.acked(packet_id)),
-            Incoming::Completed(packet_id) => {
+            IncomingPacket::Acked(packet_id) => self.queue(session, |queue| queue.acked(packet_id)),
+            IncomingPacket::Completed(packet_id) => {
                 self.queue(session, |queue| queue.completed(packet_id))
             }
-            Incoming::Received {
+            IncomingPacket::Received {
                 packet_id,
                 is_taken,
             } => {
@@ -348,7 +350,7 @@ impl Machine {
                     answer = queue.received(packet_id, is_taken)
                 });
                 if let Some(code) = answer {
-                    self.reply(id, &Outgoing::Released(packet_id, code));
+                    self.reply(id, &OutgoingPacket::Released(packet_id, code));
                 }
             }
         }
@@ -360,12 +362,12 @@ impl Machine {
         &mut self,
         id: ConnectionId,
         session: SessionId,
-        qos: Qos,
+        qos: PacketQos,
         packet_id: Option<u16>,
-        post: &Post,
-    ) -> Result<(), Fault> {
+        post: &ExpiringMessage,
+    ) -> Result<(), ProtocolFault> {
         match (qos, packet_id) {
-            (Qos::ExactlyOnce, Some(packet_id)) => {
+            (PacketQos::ExactlyOnce, Some(packet_id)) => {
                 let Some(incoming) = self.sessions.get_mut(&session).map(|it| &mut it.incoming)
                 else {
                     return Ok(());
@@ -375,21 +377,21 @@ impl Machine {
                     > self
                         .connections
                         .get(&id)
-                        .map_or(0, Connection::incoming_max)
+                        .map_or(0, BrokerConnection::incoming_max)
                 {
                     let why = "receive maximum exceeded";
-                    return Err(Fault {
+                    return Err(ProtocolFault {
                         reason: reason::RECEIVE_MAXIMUM_EXCEEDED,
                         why,
                     });
                 }
-                self.reply(id, &Outgoing::Received(packet_id));
+                self.reply(id, &OutgoingPacket::Received(packet_id));
                 if is_new {
                     self.deliver(post, Some(session));
                 }
             }
-            (Qos::AtLeastOnce, Some(packet_id)) => {
-                self.reply(id, &Outgoing::Acked(packet_id));
+            (PacketQos::AtLeastOnce, Some(packet_id)) => {
+                self.reply(id, &OutgoingPacket::Acked(packet_id));
                 self.deliver(post, Some(session));
             }
             _ => self.deliver(post, Some(session)),
@@ -397,7 +399,7 @@ impl Machine {
         Ok(())
     }
 
-    pub(super) fn reply(&mut self, id: ConnectionId, packet: &Outgoing<'_>) {
+    pub(super) fn reply(&mut self, id: ConnectionId, packet: &OutgoingPacket<'_>) {
         if let Some(connection) = self.connections.get_mut(&id) {
             connection.reply(packet);
             self.woken.insert(id);

@@ -23,7 +23,7 @@ mod tree;
 #[cfg(test)]
 mod tests;
 
-use connection::Shared;
+use connection::SharedMachine;
 use limits::CONNECTIONS_MAX;
 use std::io;
 use std::net::SocketAddr;
@@ -57,31 +57,31 @@ pub enum BrokerError {
 }
 
 /// A listening broker.
-pub struct Listening {
+pub struct ListeningBroker {
     listener: TcpListener,
     address: SocketAddr,
-    shared: Arc<Shared>,
+    shared: Arc<SharedMachine>,
 }
 
 /// Begins to listen. Must be called on a runtime.
 ///
 /// # Errors
 /// [`BrokerError`].
-pub async fn listen(address: SocketAddr) -> Result<Listening, BrokerError> {
+pub async fn listen(address: SocketAddr) -> Result<ListeningBroker, BrokerError> {
     if !address.ip().is_loopback() {
         return Err(BrokerError::NotLoopback(address));
     }
     let refused = |error: io::Error| BrokerError::Listen { address, error };
     let listener = TcpListener::bind(address).await.map_err(refused)?;
     let address = listener.local_addr().map_err(refused)?;
-    Ok(Listening {
+    Ok(ListeningBroker {
         listener,
         address,
-        shared: Shared::new(),
+        shared: SharedMachine::new(),
     })
 }
 
-impl Listening {
+impl ListeningBroker {
     /// The address on which it actually listens.
     #[must_use]
     pub const fn address(&self) -> SocketAddr {

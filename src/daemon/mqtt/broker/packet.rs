@@ -1,6 +1,6 @@
 //! The packets of clients and the broker, in one form for both versions of the protocol.
 
-use crate::north::broker::Version;
+use crate::north::broker::MqttVersion;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -27,14 +27,14 @@ pub mod reason {
 
 /// Why a connection cannot continue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Fault {
+pub struct ProtocolFault {
     /// The reason code of MQTT 5.
     pub reason: u8,
     /// For the log.
     pub why: &'static str,
 }
 
-impl Fault {
+impl ProtocolFault {
     /// The bytes are not a packet.
     pub const fn malformed(why: &'static str) -> Self {
         Self {
@@ -55,13 +55,13 @@ impl Fault {
 /// Quality of service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[expect(clippy::enum_variant_names, reason = "the specification calls them so")]
-pub enum Qos {
+pub enum PacketQos {
     AtMostOnce = 0,
     AtLeastOnce = 1,
     ExactlyOnce = 2,
 }
 
-impl Qos {
+impl PacketQos {
     /// From its number; `None` for others than 0 to 2.
     pub const fn new(number: u8) -> Option<Self> {
         match number {
@@ -75,10 +75,10 @@ impl Qos {
 
 /// A message as it was published.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Message {
+pub struct PublishedMessage {
     pub topic: Arc<str>,
     pub payload: Vec<u8>,
-    pub qos: Qos,
+    pub qos: PacketQos,
     pub retain: bool,
     /// How long it may still be delivered.
     pub expiry: Option<Duration>,
@@ -87,7 +87,7 @@ pub struct Message {
     pub properties: Vec<u8>,
 }
 
-impl Message {
+impl PublishedMessage {
     /// Approximately how much memory it takes.
     pub fn weight(&self) -> usize {
         self.topic.len() + self.payload.len() + self.properties.len() + 100
@@ -96,9 +96,9 @@ impl Message {
 
 /// A packet from a client.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Incoming {
+pub enum IncomingPacket {
     Publish {
-        message: Message,
+        message: PublishedMessage,
         /// Above quality of service 0.
         packet_id: Option<u16>,
     },
@@ -115,7 +115,7 @@ pub enum Incoming {
     Completed(u16),
     Subscribe {
         packet_id: u16,
-        wanted: Vec<Wanted>,
+        wanted: Vec<WantedFilter>,
     },
     Unsubscribe {
         packet_id: u16,
@@ -126,36 +126,36 @@ pub enum Incoming {
         /// Whether the will is to be published all the same.
         with_will: bool,
         /// Replaces the one of the connection.
-        expiry: Option<Expiry>,
+        expiry: Option<SessionExpiry>,
     },
 }
 
 /// CONNECT.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Connect {
-    pub version: Version,
+pub struct ConnectPacket {
+    pub version: MqttVersion,
     /// If empty, the broker chooses one.
     pub client: String,
     pub clean_start: bool,
     /// Zero for none.
     pub keep_alive: Duration,
-    pub expiry: Expiry,
+    pub expiry: SessionExpiry,
     /// How many messages above quality of service 0 it accepts at once.
     pub receive_maximum: u16,
     /// The longest packet that it accepts, in bytes.
     pub packet_maximum: usize,
-    pub will: Option<Will>,
+    pub will: Option<WillMessage>,
 }
 
 /// How long a session lasts without a connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Expiry {
+pub enum SessionExpiry {
     After(Duration),
     /// It lasts as long as there is room.
     Never,
 }
 
-impl Expiry {
+impl SessionExpiry {
     /// It ends with its connection.
     pub const AT_ONCE: Self = Self::After(Duration::ZERO);
 
@@ -171,23 +171,23 @@ impl Expiry {
 
 /// A message that is published when a connection breaks.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Will {
-    pub message: Message,
+pub struct WillMessage {
+    pub message: PublishedMessage,
     pub delay: Duration,
 }
 
 /// One filter of SUBSCRIBE.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Wanted {
+pub struct WantedFilter {
     pub filter: String,
-    pub options: Options,
+    pub options: SubscriptionOptions,
     pub retained: RetainHandling,
 }
 
 /// How messages of a subscription are delivered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Options {
-    pub qos: Qos,
+pub struct SubscriptionOptions {
+    pub qos: PacketQos,
     /// Without messages that this client has published itself.
     pub no_local: bool,
     /// With the retain flag as it was published; otherwise live messages have none.
@@ -206,16 +206,16 @@ pub enum RetainHandling {
 
 /// Why there is no connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Refusal {
+pub enum ConnectRefusal {
     /// The client's version is unknown, so no answer is sent.
-    Silent(Fault),
+    Silent(ProtocolFault),
     /// CONNACK with this code.
-    Said(Version, u8),
+    Said(MqttVersion, u8),
 }
 
 /// A packet to a client.
 #[derive(Debug)]
-pub enum Outgoing<'a> {
+pub enum OutgoingPacket<'a> {
     ConnAck {
         session_present: bool,
         /// 0 for success; the codes are those of the version.
@@ -224,8 +224,8 @@ pub enum Outgoing<'a> {
         assigned: Option<&'a str>,
     },
     Publish {
-        message: &'a Message,
-        qos: Qos,
+        message: &'a PublishedMessage,
+        qos: PacketQos,
         retain: bool,
         /// Above quality of service 0; whether it is sent again.
         packet_id: Option<(u16, bool)>,

@@ -1,7 +1,7 @@
 //! Properties of MQTT 5: a table of all, and a reader that accepts those that a packet may have.
 
-use super::packet::Fault;
-use super::reader::Reader;
+use super::packet::ProtocolFault;
+use super::reader::PacketReader;
 
 pub const PAYLOAD_FORMAT: u8 = 0x01;
 pub const MESSAGE_EXPIRY: u8 = 0x02;
@@ -73,7 +73,7 @@ const PASSED_ON: &[u8] = &[
 
 /// The value of a property, as far as this broker needs it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Value<'a> {
+enum PacketValue<'a> {
     Number(u32),
     Text(&'a str),
     /// Only passed on.
@@ -82,14 +82,14 @@ enum Value<'a> {
 
 /// The properties of one packet.
 #[derive(Debug, Default)]
-pub struct Properties<'a> {
-    found: Vec<(u8, Value<'a>)>,
+pub struct PacketProperties<'a> {
+    found: Vec<(u8, PacketValue<'a>)>,
     passed_on: Vec<u8>,
 }
 
-impl<'a> Properties<'a> {
+impl<'a> PacketProperties<'a> {
     /// Reads them; `allowed` are those that the packet may have.
-    pub fn read(reader: &mut Reader<'a>, allowed: &[u8]) -> Result<Self, Fault> {
+    pub fn read(reader: &mut PacketReader<'a>, allowed: &[u8]) -> Result<Self, ProtocolFault> {
         let length = reader.variable()?;
         let mut reader = reader.take(length as usize)?;
         let mut properties = Self::default();
@@ -97,12 +97,14 @@ impl<'a> Properties<'a> {
             let begin = reader.rest();
             let name = reader.byte()?;
             if !allowed.contains(&name) {
-                return Err(Fault::malformed("a property that does not belong there"));
+                return Err(ProtocolFault::malformed(
+                    "a property that does not belong there",
+                ));
             }
             let value = value(name, &mut reader)?;
             if name != USER_PROPERTY {
                 if properties.found.iter().any(|(it, _)| *it == name) {
-                    return Err(Fault::protocol("a property twice"));
+                    return Err(ProtocolFault::protocol("a property twice"));
                 }
                 properties.found.push((name, value));
             }
@@ -118,7 +120,7 @@ impl<'a> Properties<'a> {
     /// The number that `name` holds.
     pub fn number(&self, name: u8) -> Option<u32> {
         self.found.iter().find_map(|(it, value)| match value {
-            Value::Number(number) if *it == name => Some(*number),
+            PacketValue::Number(number) if *it == name => Some(*number),
             _ => None,
         })
     }
@@ -126,7 +128,7 @@ impl<'a> Properties<'a> {
     /// The text that `name` holds.
     pub fn text(&self, name: u8) -> Option<&'a str> {
         self.found.iter().find_map(|(it, value)| match value {
-            Value::Text(text) if *it == name => Some(*text),
+            PacketValue::Text(text) if *it == name => Some(*text),
             _ => None,
         })
     }
@@ -142,12 +144,14 @@ impl<'a> Properties<'a> {
     }
 }
 
-fn value<'a>(name: u8, reader: &mut Reader<'a>) -> Result<Value<'a>, Fault> {
+fn value<'a>(name: u8, reader: &mut PacketReader<'a>) -> Result<PacketValue<'a>, ProtocolFault> {
     let number = match name {
         PAYLOAD_FORMAT | REQUEST_PROBLEM_INFORMATION | REQUEST_RESPONSE_INFORMATION => {
             let flag = reader.byte()?;
             if flag > 1 {
-                return Err(Fault::protocol("a property that is neither 0 nor 1"));
+                return Err(ProtocolFault::protocol(
+                    "a property that is neither 0 nor 1",
+                ));
             }
             u32::from(flag)
         }
@@ -155,18 +159,18 @@ fn value<'a>(name: u8, reader: &mut Reader<'a>) -> Result<Value<'a>, Fault> {
         MESSAGE_EXPIRY | SESSION_EXPIRY | WILL_DELAY | PACKET_MAXIMUM => reader.four()?,
         SUBSCRIPTION_IDENTIFIER => reader.variable()?,
         CONTENT_TYPE | RESPONSE_TOPIC | AUTHENTICATION_METHOD | REASON_STRING => {
-            return Ok(Value::Text(reader.text()?));
+            return Ok(PacketValue::Text(reader.text()?));
         }
         CORRELATION_DATA | AUTHENTICATION_DATA => {
             reader.binary()?;
-            return Ok(Value::Other);
+            return Ok(PacketValue::Other);
         }
         USER_PROPERTY => {
             reader.text()?;
             reader.text()?;
-            return Ok(Value::Other);
+            return Ok(PacketValue::Other);
         }
-        _ => return Err(Fault::malformed("an unknown property")),
+        _ => return Err(ProtocolFault::malformed("an unknown property")),
     };
-    Ok(Value::Number(number))
+    Ok(PacketValue::Number(number))
 }

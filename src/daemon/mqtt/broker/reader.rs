@@ -1,16 +1,16 @@
 //! Reads the bytes of a packet, and finds packets in the bytes of a connection.
 
-use super::packet::{Fault, reason};
+use super::packet::{ProtocolFault, reason};
 
-const SHORT: Fault = Fault::malformed("a packet that ends too soon");
+const SHORT: ProtocolFault = ProtocolFault::malformed("a packet that ends too soon");
 
 /// The rest of a packet.
 #[derive(Clone, Copy, Debug)]
-pub struct Reader<'a> {
+pub struct PacketReader<'a> {
     rest: &'a [u8],
 }
 
-impl<'a> Reader<'a> {
+impl<'a> PacketReader<'a> {
     pub const fn new(bytes: &'a [u8]) -> Self {
         Self { rest: bytes }
     }
@@ -25,72 +25,72 @@ impl<'a> Reader<'a> {
     }
 
     /// Returns an error if bytes remain.
-    pub const fn end(&self) -> Result<(), Fault> {
+    pub const fn end(&self) -> Result<(), ProtocolFault> {
         if self.rest.is_empty() {
             Ok(())
         } else {
-            Err(Fault::malformed("bytes after the end of a packet"))
+            Err(ProtocolFault::malformed("bytes after the end of a packet"))
         }
     }
 
     /// The next `count` bytes alone.
-    pub fn take(&mut self, count: usize) -> Result<Self, Fault> {
+    pub fn take(&mut self, count: usize) -> Result<Self, ProtocolFault> {
         Ok(Self {
             rest: self.bytes(count)?,
         })
     }
 
-    pub fn byte(&mut self) -> Result<u8, Fault> {
+    pub fn byte(&mut self) -> Result<u8, ProtocolFault> {
         let (first, rest) = self.rest.split_first().ok_or(SHORT)?;
         self.rest = rest;
         Ok(*first)
     }
 
-    pub fn two(&mut self) -> Result<u16, Fault> {
+    pub fn two(&mut self) -> Result<u16, ProtocolFault> {
         let (bytes, rest) = self.rest.split_first_chunk().ok_or(SHORT)?;
         self.rest = rest;
         Ok(u16::from_be_bytes(*bytes))
     }
 
-    pub fn four(&mut self) -> Result<u32, Fault> {
+    pub fn four(&mut self) -> Result<u32, ProtocolFault> {
         let (bytes, rest) = self.rest.split_first_chunk().ok_or(SHORT)?;
         self.rest = rest;
         Ok(u32::from_be_bytes(*bytes))
     }
 
     /// A number in one to four bytes.
-    pub fn variable(&mut self) -> Result<u32, Fault> {
+    pub fn variable(&mut self) -> Result<u32, ProtocolFault> {
         let (number, length) = variable(self.rest)?.ok_or(SHORT)?;
         self.bytes(length)?;
         Ok(number)
     }
 
     /// A packet identifier, which is never 0.
-    pub fn packet_id(&mut self) -> Result<u16, Fault> {
+    pub fn packet_id(&mut self) -> Result<u16, ProtocolFault> {
         match self.two()? {
-            0 => Err(Fault::protocol("packet identifier 0")),
+            0 => Err(ProtocolFault::protocol("packet identifier 0")),
             id => Ok(id),
         }
     }
 
     /// Bytes with a length prefix.
-    pub fn binary(&mut self) -> Result<&'a [u8], Fault> {
+    pub fn binary(&mut self) -> Result<&'a [u8], ProtocolFault> {
         let length = self.two()?;
         self.bytes(usize::from(length))
     }
 
     /// Text with a length prefix.
-    pub fn text(&mut self) -> Result<&'a str, Fault> {
+    pub fn text(&mut self) -> Result<&'a str, ProtocolFault> {
         let text = str::from_utf8(self.binary()?)
-            .map_err(|_| Fault::malformed("text that is not UTF-8"))?;
+            .map_err(|_| ProtocolFault::malformed("text that is not UTF-8"))?;
         if text.contains('\0') {
-            Err(Fault::malformed("text with a NUL in it"))
+            Err(ProtocolFault::malformed("text with a NUL in it"))
         } else {
             Ok(text)
         }
     }
 
-    fn bytes(&mut self, count: usize) -> Result<&'a [u8], Fault> {
+    fn bytes(&mut self, count: usize) -> Result<&'a [u8], ProtocolFault> {
         let (bytes, rest) = self.rest.split_at_checked(count).ok_or(SHORT)?;
         self.rest = rest;
         Ok(bytes)
@@ -99,7 +99,7 @@ impl<'a> Reader<'a> {
 
 /// A packet among received bytes: its first byte, where its body begins, and where it ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Frame {
+pub struct FramedPacket {
     pub first: u8,
     pub body: usize,
     pub end: usize,
@@ -107,7 +107,7 @@ pub struct Frame {
 
 /// The packet with which `bytes` begin; `None` if it is incomplete. One longer than `max` bytes is an error even if
 /// incomplete.
-pub fn frame(bytes: &[u8], max: usize) -> Result<Option<Frame>, Fault> {
+pub fn frame(bytes: &[u8], max: usize) -> Result<Option<FramedPacket>, ProtocolFault> {
     let Some((first, after)) = bytes.split_first() else {
         return Ok(None);
     };
@@ -117,12 +117,12 @@ pub fn frame(bytes: &[u8], max: usize) -> Result<Option<Frame>, Fault> {
     let body = 1 + count;
     let end = body + length as usize;
     if end > max {
-        return Err(Fault {
+        return Err(ProtocolFault {
             reason: reason::PACKET_TOO_LARGE,
             why: "a packet that is too large",
         });
     }
-    Ok((bytes.len() >= end).then_some(Frame {
+    Ok((bytes.len() >= end).then_some(FramedPacket {
         first: *first,
         body,
         end,
@@ -130,7 +130,7 @@ pub fn frame(bytes: &[u8], max: usize) -> Result<Option<Frame>, Fault> {
 }
 
 /// The number with which `bytes` begin, and its length; `None` if it is incomplete.
-fn variable(bytes: &[u8]) -> Result<Option<(u32, usize)>, Fault> {
+fn variable(bytes: &[u8]) -> Result<Option<(u32, usize)>, ProtocolFault> {
     let mut number = 0;
     for (at, byte) in bytes.iter().take(4).enumerate() {
         number |= u32::from(byte & 0x7F) << (7 * at);
@@ -140,14 +140,16 @@ fn variable(bytes: &[u8]) -> Result<Option<(u32, usize)>, Fault> {
             return if is_shortest {
                 Ok(Some((number, at + 1)))
             } else {
-                Err(Fault::malformed("a length that is longer than it must be"))
+                Err(ProtocolFault::malformed(
+                    "a length that is longer than it must be",
+                ))
             };
         }
     }
     if bytes.len() < 4 {
         Ok(None)
     } else {
-        Err(Fault::malformed("a length of more than four bytes"))
+        Err(ProtocolFault::malformed("a length of more than four bytes"))
     }
 }
 
@@ -162,7 +164,7 @@ mod tests {
         assert_eq!(frame(&[0x30, 2, 0], 100), Ok(None));
         assert_eq!(
             frame(&[0x30, 2, 0, 0, 9], 100),
-            Ok(Some(Frame {
+            Ok(Some(FramedPacket {
                 first: 0x30,
                 body: 2,
                 end: 4
@@ -172,7 +174,7 @@ mod tests {
         let long = [&[0x30, 0x80, 1][..], &[0; 128]].concat();
         assert_eq!(
             frame(&long, 1000),
-            Ok(Some(Frame {
+            Ok(Some(FramedPacket {
                 first: 0x30,
                 body: 3,
                 end: 131
@@ -202,7 +204,7 @@ mod tests {
 
     #[test]
     fn a_text_is_utf_8_without_nul() {
-        assert_eq!(Reader::new(&[0, 2, b'a', b'b', 7]).text(), Ok("ab"));
+        assert_eq!(PacketReader::new(&[0, 2, b'a', b'b', 7]).text(), Ok("ab"));
         for wrong in [
             &[0, 1][..],
             &[0],
@@ -211,7 +213,7 @@ mod tests {
             &[0, 3, 0xED, 0xA0, 0x80],
         ] {
             assert_eq!(
-                Reader::new(wrong).text().map_err(|it| it.reason),
+                PacketReader::new(wrong).text().map_err(|it| it.reason),
                 Err(reason::MALFORMED),
                 "{wrong:?}"
             );

@@ -1,6 +1,6 @@
 //! Retained messages.
 
-use super::packet::Message;
+use super::packet::PublishedMessage;
 use super::topic;
 use crate::domain::time::MonoTime;
 use std::collections::BTreeMap;
@@ -10,14 +10,14 @@ use std::time::Duration;
 
 /// A message, and until when it may be delivered.
 #[derive(Clone, Debug)]
-pub struct Post {
-    pub message: Arc<Message>,
+pub struct ExpiringMessage {
+    pub message: Arc<PublishedMessage>,
     pub expires: Option<MonoTime>,
 }
 
-impl Post {
+impl ExpiringMessage {
     /// `message`, published at `now`.
-    pub fn new(message: Message, now: MonoTime) -> Self {
+    pub fn new(message: PublishedMessage, now: MonoTime) -> Self {
         let expires = message.expiry.map(|span| now + span);
         Self {
             message: Arc::new(message),
@@ -39,8 +39,8 @@ impl Post {
 
 /// The last retained message of each topic.
 #[derive(Debug)]
-pub struct Retained {
-    kept: BTreeMap<Arc<str>, (Post, u64)>,
+pub struct RetainedMessages {
+    kept: BTreeMap<Arc<str>, (ExpiringMessage, u64)>,
     bytes: usize,
     count_max: usize,
     bytes_max: usize,
@@ -48,7 +48,7 @@ pub struct Retained {
     number: u64,
 }
 
-impl Retained {
+impl RetainedMessages {
     pub const fn new(count_max: usize, bytes_max: usize) -> Self {
         Self {
             kept: BTreeMap::new(),
@@ -61,7 +61,7 @@ impl Retained {
 
     /// Keeps `post` in place of the earlier message of its topic; one without a payload only removes that. Returns
     /// whether there was room.
-    pub fn set(&mut self, post: &Post) -> bool {
+    pub fn set(&mut self, post: &ExpiringMessage) -> bool {
         self.remove(&post.message.topic);
         if post.message.payload.is_empty() {
             return true;
@@ -89,7 +89,7 @@ impl Retained {
         after: Option<&Arc<str>>,
         number: u64,
         now: MonoTime,
-    ) -> Option<&Post> {
+    ) -> Option<&ExpiringMessage> {
         let literal = topic::literal(filter);
         let from = match after {
             Some(topic) => Bound::Excluded(&**topic),
@@ -97,7 +97,7 @@ impl Retained {
         };
         let from = self.kept.range::<str, _>((from, Bound::Unbounded));
         let mut here = from.take_while(|(topic, _)| topic.starts_with(literal));
-        let fits = |topic: &str, post: &Post, kept_as: u64| {
+        let fits = |topic: &str, post: &ExpiringMessage, kept_as: u64| {
             kept_as <= number && !post.is_expired(now) && topic::matches(filter, topic)
         };
         here.find(|(topic, (post, kept_as))| fits(topic, post, *kept_as))
@@ -124,22 +124,27 @@ impl Retained {
 
 #[cfg(test)]
 mod tests {
-    use super::super::packet::Qos;
+    use super::super::packet::PacketQos;
     use super::*;
 
-    fn post(topic: &str, payload: &str, expiry: Option<u64>) -> Post {
-        let message = Message {
+    fn post(topic: &str, payload: &str, expiry: Option<u64>) -> ExpiringMessage {
+        let message = PublishedMessage {
             topic: topic.into(),
             payload: payload.into(),
-            qos: Qos::AtLeastOnce,
+            qos: PacketQos::AtLeastOnce,
             retain: true,
             expiry: expiry.map(Duration::from_secs),
             properties: Vec::new(),
         };
-        Post::new(message, MonoTime::ZERO)
+        ExpiringMessage::new(message, MonoTime::ZERO)
     }
 
-    fn topics(retained: &Retained, filter: &str, number: u64, now: MonoTime) -> Vec<String> {
+    fn topics(
+        retained: &RetainedMessages,
+        filter: &str,
+        number: u64,
+        now: MonoTime,
+    ) -> Vec<String> {
         let mut found = Vec::new();
         let mut after = None;
         while let Some(post) = retained.next(filter, after.as_ref(), number, now) {
@@ -151,7 +156,7 @@ mod tests {
 
     #[test]
     fn what_was_there_is_found_by_its_filter() {
-        let mut retained = Retained::new(100, 1_000_000);
+        let mut retained = RetainedMessages::new(100, 1_000_000);
         for topic in ["a", "a/b", "a/b/c", "ab", "b/b", "$SYS/b"] {
             assert!(retained.set(&post(topic, "x", None)));
         }
@@ -173,7 +178,7 @@ mod tests {
 
     #[test]
     fn there_is_a_bound_and_what_is_over_is_gone() {
-        let mut retained = Retained::new(2, 1_000);
+        let mut retained = RetainedMessages::new(2, 1_000);
         assert!(retained.set(&post("a", "x", Some(10))) && retained.set(&post("b", "x", None)));
         assert!(!retained.set(&post("c", "x", None)), "no room");
         assert!(retained.set(&post("b", "y", None)), "in its own place");

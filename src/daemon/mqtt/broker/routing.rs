@@ -1,23 +1,25 @@
 //! Subscriptions, and the delivery of messages to them.
 
-use super::client_queue::Delivery;
+use super::client_queue::ClientDelivery;
 use super::limits::SUBSCRIPTIONS_MAX;
-use super::machine::{ConnectionId, Machine};
-use super::packet::{Options, Outgoing, Qos, RetainHandling, Wanted, reason};
-use super::retained::Post;
-use super::session::{Session, SessionId};
-use super::topic::Filter;
-use super::tree::{Members, Taker};
-use crate::north::broker::Version;
+use super::machine::{BrokerMachine, ConnectionId};
+use super::packet::{
+    OutgoingPacket, PacketQos, RetainHandling, SubscriptionOptions, WantedFilter, reason,
+};
+use super::retained::ExpiringMessage;
+use super::session::{ClientSession, SessionId};
+use super::topic::TopicFilter;
+use super::tree::{Members, MessageTaker};
+use crate::north::broker::MqttVersion;
 use std::collections::BTreeMap;
 
-impl Machine {
+impl BrokerMachine {
     pub(super) fn subscribe(
         &mut self,
         id: ConnectionId,
         session: SessionId,
         packet_id: u16,
-        wanted: &[Wanted],
+        wanted: &[WantedFilter],
     ) {
         let Some(connection) = self.connections.get(&id) else {
             return;
@@ -29,18 +31,18 @@ impl Machine {
             .collect();
         // 3.1.1 has a single code to refuse.
         let said = |code: u8| {
-            if version == Version::V4 {
+            if version == MqttVersion::V4 {
                 code.min(reason::REFUSED)
             } else {
                 code
             }
         };
         let codes: Vec<u8> = codes.into_iter().map(said).collect();
-        self.reply(id, &Outgoing::SubAck(packet_id, &codes));
+        self.reply(id, &OutgoingPacket::SubAck(packet_id, &codes));
     }
 
-    fn subscribe_one(&mut self, id: SessionId, wanted: &Wanted) -> u8 {
-        let Some(filter) = Filter::new(&wanted.filter) else {
+    fn subscribe_one(&mut self, id: SessionId, wanted: &WantedFilter) -> u8 {
+        let Some(filter) = TopicFilter::new(&wanted.filter) else {
             return reason::FILTER_INVALID;
         };
         let Some(session) = self.sessions.get_mut(&id) else {
@@ -75,11 +77,11 @@ impl Machine {
             .iter()
             .map(|it| self.unsubscribe_one(session, it))
             .collect();
-        self.reply(id, &Outgoing::UnsubAck(packet_id, &codes));
+        self.reply(id, &OutgoingPacket::UnsubAck(packet_id, &codes));
     }
 
     fn unsubscribe_one(&mut self, id: SessionId, text: &str) -> u8 {
-        let Some(filter) = Filter::new(text) else {
+        let Some(filter) = TopicFilter::new(text) else {
             return reason::FILTER_INVALID;
         };
         if let Some(session) = self.sessions.get_mut(&id) {
@@ -94,7 +96,7 @@ impl Machine {
     }
 
     /// Retains `post` if requested, and delivers it to all subscribers. `from` has published it.
-    pub(super) fn deliver(&mut self, post: &Post, from: Option<SessionId>) {
+    pub(super) fn deliver(&mut self, post: &ExpiringMessage, from: Option<SessionId>) {
         if post.message.retain && !self.retained.set(post) {
             self.not_kept += 1;
         }
@@ -102,7 +104,7 @@ impl Machine {
         let mut shared = Vec::new();
         for taker in self.subscriptions.takers(&post.message.topic) {
             match taker {
-                Taker::Each(members) => {
+                MessageTaker::Each(members) => {
                     for (session, options) in members {
                         if !(options.no_local && from == Some(*session)) {
                             merge(
@@ -112,7 +114,7 @@ impl Machine {
                         }
                     }
                 }
-                Taker::OneOf(members) => {
+                MessageTaker::OneOf(members) => {
                     self.turn = self.turn.wrapping_add(1);
                     if let Some((session, options)) = one_of(members, &self.sessions, self.turn) {
                         let mut delivery = none_of(post);
@@ -127,7 +129,7 @@ impl Machine {
                 continue;
             };
             // Messages at quality of service 0 do not wait for a client without a connection.
-            if session.connection.is_some() || delivery.qos != Qos::AtMostOnce {
+            if session.connection.is_some() || delivery.qos != PacketQos::AtMostOnce {
                 session.queue.add(delivery);
                 self.woken.extend(session.connection);
             }
@@ -135,10 +137,10 @@ impl Machine {
     }
 }
 
-fn none_of(post: &Post) -> Delivery {
-    Delivery {
+fn none_of(post: &ExpiringMessage) -> ClientDelivery {
+    ClientDelivery {
         post: post.clone(),
-        qos: Qos::AtMostOnce,
+        qos: PacketQos::AtMostOnce,
         retain: false,
         identifiers: Vec::new(),
     }
@@ -146,7 +148,7 @@ fn none_of(post: &Post) -> Delivery {
 
 /// Merges the options of one more subscription into a message, which a client gets once however many of its filters
 /// match.
-fn merge(delivery: &mut Delivery, options: Options) {
+fn merge(delivery: &mut ClientDelivery, options: SubscriptionOptions) {
     delivery.qos = delivery.qos.max(options.qos.min(delivery.post.message.qos));
     delivery.retain |= options.as_published && delivery.post.message.retain;
     delivery.identifiers.extend(options.identifier);
@@ -155,18 +157,19 @@ fn merge(delivery: &mut Delivery, options: Options) {
 /// The next member; one without a connection only if none has one.
 fn one_of(
     members: &Members,
-    sessions: &BTreeMap<SessionId, Session>,
+    sessions: &BTreeMap<SessionId, ClientSession>,
     turn: usize,
-) -> Option<(SessionId, Options)> {
+) -> Option<(SessionId, SubscriptionOptions)> {
     let is_here = |id: &SessionId| sessions.get(id).is_some_and(|it| it.connection.is_some());
     let here = members.iter().filter(|(id, _)| is_here(id));
-    let here: Vec<(SessionId, Options)> = here.map(|(id, options)| (*id, *options)).collect();
+    let here: Vec<(SessionId, SubscriptionOptions)> =
+        here.map(|(id, options)| (*id, *options)).collect();
     let all = || {
         members
             .iter()
             .map(|(id, options)| (*id, *options))
             .collect()
     };
-    let those: Vec<(SessionId, Options)> = if here.is_empty() { all() } else { here };
+    let those: Vec<(SessionId, SubscriptionOptions)> = if here.is_empty() { all() } else { here };
     those.get(turn.checked_rem(those.len())?).copied()
 }

@@ -1,26 +1,28 @@
 //! Beginning, taking over and ending sessions.
 
-use super::client_queue::Taking;
+use super::client_queue::DeliveryLimits;
 use super::limits::{CLIENT_IDENTIFIER_MAX, IN_FLIGHT_MAX, SESSIONS_MAX};
-use super::machine::{ConnectionId, Machine};
-use super::packet::{Connect, Expiry, Fault, Outgoing, Will, reason};
-use super::retained::Post;
-use super::session::{Session, SessionId};
-use super::topic::Filter;
+use super::machine::{BrokerMachine, ConnectionId};
+use super::packet::{
+    ConnectPacket, OutgoingPacket, ProtocolFault, SessionExpiry, WillMessage, reason,
+};
+use super::retained::ExpiringMessage;
+use super::session::{ClientSession, SessionId};
+use super::topic::TopicFilter;
 use crate::domain::time::MonoTime;
-use crate::north::broker::Version;
+use crate::north::broker::MqttVersion;
 use std::sync::Arc;
 
-impl Machine {
+impl BrokerMachine {
     /// Handles CONNECT.
-    pub(super) fn connect(&mut self, id: ConnectionId, connect: Connect, now: MonoTime) {
+    pub(super) fn connect(&mut self, id: ConnectionId, connect: ConnectPacket, now: MonoTime) {
         let version = connect.version;
         let is_nameless = connect.client.is_empty();
         // 3.1.1 allows an empty identifier only if no session is kept.
-        if (version == Version::V4 && is_nameless && !connect.clean_start)
+        if (version == MqttVersion::V4 && is_nameless && !connect.clean_start)
             || connect.client.len() > CLIENT_IDENTIFIER_MAX
         {
-            let code = if version == Version::V4 {
+            let code = if version == MqttVersion::V4 {
                 2
             } else {
                 reason::CLIENT_IDENTIFIER_INVALID
@@ -39,7 +41,7 @@ impl Machine {
             return;
         };
         let window = usize::from(connect.receive_maximum.min(IN_FLIGHT_MAX));
-        connection.taking = Taking {
+        connection.taking = DeliveryLimits {
             version,
             window,
             packet_max: connect.packet_maximum,
@@ -48,7 +50,7 @@ impl Machine {
         connection.silence_max =
             (!connect.keep_alive.is_zero()).then(|| connect.keep_alive * 3 / 2);
         let assigned = is_nameless.then_some(&*client);
-        connection.reply(&Outgoing::ConnAck {
+        connection.reply(&OutgoingPacket::ConnAck {
             session_present,
             code: reason::SUCCESS,
             assigned,
@@ -63,12 +65,12 @@ impl Machine {
     }
 
     /// Refuses the connection, and closes it.
-    pub(super) fn refuse(&mut self, id: ConnectionId, version: Version, code: u8) {
+    pub(super) fn refuse(&mut self, id: ConnectionId, version: MqttVersion, code: u8) {
         let Some(connection) = self.connections.get_mut(&id) else {
             return;
         };
         connection.taking.version = version;
-        connection.reply(&Outgoing::ConnAck {
+        connection.reply(&OutgoingPacket::ConnAck {
             session_present: false,
             code,
             assigned: None,
@@ -83,12 +85,14 @@ impl Machine {
         id: ConnectionId,
         session: SessionId,
         with_will: bool,
-        expiry: Option<Expiry>,
+        expiry: Option<SessionExpiry>,
         now: MonoTime,
-    ) -> Result<(), Fault> {
+    ) -> Result<(), ProtocolFault> {
         if let (Some(expiry), Some(session)) = (expiry, self.sessions.get_mut(&session)) {
-            if session.expiry == Expiry::AT_ONCE && expiry != Expiry::AT_ONCE {
-                return Err(Fault::protocol("a session expiry after CONNECT had none"));
+            if session.expiry == SessionExpiry::AT_ONCE && expiry != SessionExpiry::AT_ONCE {
+                return Err(ProtocolFault::protocol(
+                    "a session expiry after CONNECT had none",
+                ));
             }
             session.expiry = expiry;
         }
@@ -144,7 +148,7 @@ impl Machine {
             return;
         };
         self.clients.remove(&session.client);
-        for filter in session.filters.iter().filter_map(|it| Filter::new(it)) {
+        for filter in session.filters.iter().filter_map(|it| TopicFilter::new(it)) {
             self.subscriptions.remove(filter, id);
         }
         let dropped = session.queue.take_dropped();
@@ -193,7 +197,7 @@ impl Machine {
         self.number += 1;
         let id = SessionId(self.number);
         self.clients.insert(Arc::clone(&client), id);
-        self.sessions.insert(id, Session::new(client, now));
+        self.sessions.insert(id, ClientSession::new(client, now));
         id
     }
 
@@ -206,9 +210,9 @@ impl Machine {
         }
     }
 
-    fn publish_will(&mut self, will: Option<Will>, session: SessionId, now: MonoTime) {
-        if let Some(Will { message, .. }) = will {
-            self.deliver(&Post::new(message, now), Some(session));
+    fn publish_will(&mut self, will: Option<WillMessage>, session: SessionId, now: MonoTime) {
+        if let Some(WillMessage { message, .. }) = will {
+            self.deliver(&ExpiringMessage::new(message, now), Some(session));
         }
     }
 }

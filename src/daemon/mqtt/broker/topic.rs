@@ -10,12 +10,12 @@ pub fn is_name(topic: &str) -> bool {
 
 /// A valid filter, possibly of a group that shares its messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Filter<'a> {
+pub struct TopicFilter<'a> {
     pub group: Option<&'a str>,
     pub levels: &'a str,
 }
 
-impl<'a> Filter<'a> {
+impl<'a> TopicFilter<'a> {
     /// `None` if `text` is not a valid filter.
     pub fn new(text: &'a str) -> Option<Self> {
         let (group, levels) = match text.strip_prefix("$share/") {
@@ -136,28 +136,28 @@ mod tests {
             "$share//a",
             "$share/g+/a",
         ] {
-            assert_eq!(Filter::new(wrong), None, "{wrong}");
+            assert_eq!(TopicFilter::new(wrong), None, "{wrong}");
         }
-        assert_eq!(Filter::new("$share/g/"), None);
+        assert_eq!(TopicFilter::new("$share/g/"), None);
         assert_eq!(
-            Filter::new("$share/g/a/#"),
-            Some(Filter {
+            TopicFilter::new("$share/g/a/#"),
+            Some(TopicFilter {
                 group: Some("g"),
                 levels: "a/#"
             })
         );
         for right in ["/", "+", "#", "a/+/+/#", "$SYS/#", "a b", "//"] {
             assert_eq!(
-                Filter::new(right),
-                Some(Filter {
+                TopicFilter::new(right),
+                Some(TopicFilter {
                     group: None,
                     levels: right
                 }),
                 "{right}"
             );
         }
-        assert!(Filter::new(&"/".repeat(LEVELS_MAX - 1)).is_some());
-        assert_eq!(Filter::new(&"/".repeat(LEVELS_MAX)), None);
+        assert!(TopicFilter::new(&"/".repeat(LEVELS_MAX - 1)).is_some());
+        assert_eq!(TopicFilter::new(&"/".repeat(LEVELS_MAX)), None);
         assert!(is_name("a/b") && is_name("/") && !is_name("") && !is_name("a/+") && !is_name("#"));
     }
 }

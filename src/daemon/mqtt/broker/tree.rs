@@ -1,21 +1,21 @@
 //! Subscriptions as a tree of levels, so that a message is compared only with those that may match.
 
-use super::packet::Options;
+use super::packet::SubscriptionOptions;
 use super::session::SessionId;
-use super::topic::Filter;
+use super::topic::TopicFilter;
 use std::collections::{BTreeMap, HashMap};
 
 /// Members of one filter.
-pub type Members = BTreeMap<SessionId, Options>;
+pub type Members = BTreeMap<SessionId, SubscriptionOptions>;
 
 /// All subscriptions.
 #[derive(Debug, Default)]
-pub struct Tree {
-    root: Node,
+pub struct SubscriptionTree {
+    root: TopicNode,
 }
 
 #[derive(Debug, Default)]
-struct Node {
+struct TopicNode {
     below: HashMap<Box<str>, Self>,
     members: Members,
     groups: BTreeMap<Box<str>, Members>,
@@ -23,14 +23,19 @@ struct Node {
 
 /// Receivers of a message: each of these members, or one of a group.
 #[derive(Clone, Copy, Debug)]
-pub enum Taker<'a> {
+pub enum MessageTaker<'a> {
     Each(&'a Members),
     OneOf(&'a Members),
 }
 
-impl Tree {
+impl SubscriptionTree {
     /// Subscribes; returns whether it is new.
-    pub fn insert(&mut self, filter: Filter<'_>, session: SessionId, options: Options) -> bool {
+    pub fn insert(
+        &mut self,
+        filter: TopicFilter<'_>,
+        session: SessionId,
+        options: SubscriptionOptions,
+    ) -> bool {
         let mut node = &mut self.root;
         for level in filter.levels.split('/') {
             node = node.below.entry(level.into()).or_default();
@@ -43,7 +48,7 @@ impl Tree {
     }
 
     /// Ends a subscription; returns whether there was one.
-    pub fn remove(&mut self, filter: Filter<'_>, session: SessionId) -> bool {
+    pub fn remove(&mut self, filter: TopicFilter<'_>, session: SessionId) -> bool {
         remove(
             &mut self.root,
             filter.levels.split('/'),
@@ -53,7 +58,7 @@ impl Tree {
     }
 
     /// The receivers whose filters match `topic`.
-    pub fn takers(&self, topic: &str) -> Vec<Taker<'_>> {
+    pub fn takers(&self, topic: &str) -> Vec<MessageTaker<'_>> {
         let levels: Vec<&str> = topic.split('/').collect();
         let mut found = Vec::new();
         let mut open = vec![(&self.root, 0)];
@@ -77,12 +82,12 @@ impl Tree {
     }
 }
 
-impl Node {
-    fn add_to<'a>(&'a self, found: &mut Vec<Taker<'a>>) {
+impl TopicNode {
+    fn add_to<'a>(&'a self, found: &mut Vec<MessageTaker<'a>>) {
         if !self.members.is_empty() {
-            found.push(Taker::Each(&self.members));
+            found.push(MessageTaker::Each(&self.members));
         }
-        found.extend(self.groups.values().map(Taker::OneOf));
+        found.extend(self.groups.values().map(MessageTaker::OneOf));
     }
 
     fn is_empty(&self) -> bool {
@@ -93,7 +98,7 @@ impl Node {
 /// Removes a subscription below `node`, and each level that is no longer needed. The recursion is as deep as filters
 /// are long, which is bounded.
 fn remove<'a>(
-    node: &mut Node,
+    node: &mut TopicNode,
     mut levels: impl Iterator<Item = &'a str>,
     group: Option<&str>,
     session: SessionId,
@@ -111,7 +116,7 @@ fn remove<'a>(
     is_removed
 }
 
-fn remove_here(node: &mut Node, group: Option<&str>, session: SessionId) -> bool {
+fn remove_here(node: &mut TopicNode, group: Option<&str>, session: SessionId) -> bool {
     let Some(group) = group else {
         return node.members.remove(&session).is_some();
     };
@@ -127,26 +132,26 @@ fn remove_here(node: &mut Node, group: Option<&str>, session: SessionId) -> bool
 
 #[cfg(test)]
 mod tests {
-    use super::super::packet::Qos;
+    use super::super::packet::PacketQos;
     use super::super::topic;
     use super::*;
 
-    const OPTIONS: Options = Options {
-        qos: Qos::AtMostOnce,
+    const OPTIONS: SubscriptionOptions = SubscriptionOptions {
+        qos: PacketQos::AtMostOnce,
         no_local: false,
         as_published: false,
         identifier: None,
     };
 
-    fn filter(text: &str) -> Filter<'_> {
-        Filter::new(text).unwrap()
+    fn filter(text: &str) -> TopicFilter<'_> {
+        TopicFilter::new(text).unwrap()
     }
 
-    fn count(tree: &Tree, topic: &str) -> usize {
+    fn count(tree: &SubscriptionTree, topic: &str) -> usize {
         tree.takers(topic)
             .iter()
             .map(|taker| {
-                if let Taker::Each(members) = taker {
+                if let MessageTaker::Each(members) = taker {
                     members.len()
                 } else {
                     1
@@ -163,7 +168,7 @@ mod tests {
         let topics = [
             "a", "a/b", "a/b/c", "/", "$SYS", "$SYS/x", "$SYS/x/y", "b", "a//c", "/x",
         ];
-        let mut tree = Tree::default();
+        let mut tree = SubscriptionTree::default();
         for (number, text) in (0..).zip(filters) {
             assert!(tree.insert(filter(text), SessionId(number), OPTIONS));
             assert!(
@@ -187,7 +192,7 @@ mod tests {
 
     #[test]
     fn a_group_is_one_taker() {
-        let mut tree = Tree::default();
+        let mut tree = SubscriptionTree::default();
         for number in 0..3 {
             tree.insert(filter("$share/g/a/#"), SessionId(number), OPTIONS);
         }

@@ -1,8 +1,8 @@
 //! The farewell on a connection: last messages and DISCONNECT.
 
-use super::{Client, End, Events, Protocol};
+use super::{BrokerClient, BrokerConversation, ClientEnd, ConnectionEvents};
 use crate::daemon::host::clock;
-use crate::north::broker::{Publication, Version};
+use crate::north::broker::{MqttVersion, Publication};
 use std::collections::VecDeque;
 use std::time::Duration;
 use tokio::time::timeout;
@@ -13,11 +13,11 @@ const FAREWELL_MAX: Duration = Duration::from_secs(1);
 /// Closing first could lose messages that it has not read.
 const CLOSING_MAX: Duration = Duration::from_millis(200);
 
-impl<T: Protocol> Client<'_, T> {
+impl<T: BrokerConversation> BrokerClient<'_, T> {
     /// Sends the last messages and DISCONNECT, and waits for the broker to close the connection; all in bounded time.
-    pub(super) async fn farewell(&mut self, events: &mut Events) -> End {
+    pub(super) async fn farewell(&mut self, events: &mut ConnectionEvents) -> ClientEnd {
         if self.link.is_none() {
-            return End::Stopped;
+            return ClientEnd::Stopped;
         }
         let mut words: VecDeque<Publication> =
             self.talk.borrow_mut().farewell(clock::moment()).into();
@@ -35,15 +35,15 @@ impl<T: Protocol> Client<'_, T> {
         }
         events.rest().into_iter().for_each(|it| self.take(it));
         self.link = None;
-        End::Stopped
+        ClientEnd::Stopped
     }
 
     /// Sends `words` and, where one is sent, DISCONNECT; returns earlier if the connection is lost. Stops that arrive
     /// meanwhile are handled as usual.
-    async fn say(&mut self, words: &mut VecDeque<Publication>, events: &mut Events) {
+    async fn say(&mut self, words: &mut VecDeque<Publication>, events: &mut ConnectionEvents) {
         // The library cannot send a DISCONNECT that requests the will. Closing without one does.
         let is_closed_only =
-            self.settings.version == Version::V5 && self.talk.borrow().leaves_will();
+            self.settings.version == MqttVersion::V5 && self.talk.borrow().leaves_will();
         let mut has_ended = false;
         while let Some(link) = &mut self.link {
             while link.window.has_room() && !has_ended {

@@ -1,10 +1,10 @@
 //! What is learned of the largest packet that the broker takes.
 
-use super::{Client, Protocol};
+use super::{BrokerClient, BrokerConversation};
 use crate::daemon::host::clock;
-use crate::daemon::mqtt::incident::{Broken, Cause};
+use crate::daemon::mqtt::incident::{BrokenConnection, EndCause};
 
-impl<T: Protocol> Client<'_, T> {
+impl<T: BrokerConversation> BrokerClient<'_, T> {
     /// The broker has taken publications of up to this many bytes.
     pub(super) fn took(&mut self, bytes: usize) {
         self.limit.taken(bytes);
@@ -14,7 +14,7 @@ impl<T: Protocol> Client<'_, T> {
     }
 
     /// The connection is over. Returns why, as far as the size of what was sent on it explains that.
-    pub(super) fn judged(&mut self, broken: Broken) -> Broken {
+    pub(super) fn judged(&mut self, broken: BrokenConnection) -> BrokenConnection {
         let Some(link) = self.link.take() else {
             return broken;
         };
@@ -35,8 +35,8 @@ impl<T: Protocol> Client<'_, T> {
                 "broker closes the connection behind a packet of this size; larger ones than the limit are not sent"
             );
         }
-        Broken {
-            cause: Cause::TooLarge,
+        BrokenConnection {
+            cause: EndCause::TooLarge,
             ..broken
         }
     }

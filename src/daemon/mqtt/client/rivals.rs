@@ -1,20 +1,20 @@
 //! Another client that connects to the broker with our identifier.
 
-use super::{Client, Protocol};
-use crate::daemon::mqtt::retry::Rival;
+use super::{BrokerClient, BrokerConversation};
+use crate::daemon::mqtt::retry::ClientRival;
 use std::time::Duration;
 
-impl<T: Protocol> Client<'_, T> {
+impl<T: BrokerConversation> BrokerClient<'_, T> {
     /// The connection ended because another client has our identifier.
-    pub(super) fn contested(&self, rival: Rival, wait: Duration) {
+    pub(super) fn contested(&self, rival: ClientRival, wait: Duration) {
         let client_id = self.settings.client_id.as_str();
         match rival {
-            Rival::Told => tracing::warn!(
+            ClientRival::Told => tracing::warn!(
                 client_id,
                 ?wait,
                 "another client uses our identifier at the broker; give each client its own `client_id` in [mqtt]"
             ),
-            Rival::Suspected => tracing::warn!(
+            ClientRival::Suspected => tracing::warn!(
                 client_id,
                 ?wait,
                 "broker closes each connection soon after accepting it; probably another client uses the same identifier \

@@ -1,11 +1,11 @@
 //! The time in which the talk wants no connection.
 
-use super::{Client, Outcome, Protocol};
+use super::{BrokerClient, BrokerConversation, WaitOutcome};
 use std::future::poll_fn;
 use std::pin::{Pin, pin};
 use std::task::Poll;
 
-impl<T: Protocol> Client<'_, T> {
+impl<T: BrokerConversation> BrokerClient<'_, T> {
     /// Waits until the talk wants a connection. Returns whether the conversation is to stop instead.
     pub(super) async fn stops_unwanted<S: Future<Output = ()>>(
         &mut self,
@@ -26,6 +26,6 @@ impl<T: Protocol> Client<'_, T> {
         } else {
             Poll::Pending
         }));
-        matches!(self.attend(wanted, None, stop).await, Outcome::Stopped)
+        matches!(self.attend(wanted, None, stop).await, WaitOutcome::Stopped)
     }
 }

@@ -11,14 +11,14 @@ async fn answer(peer: &mut Peer, identifier: u16, reason: u8) {
 
 #[tokio::test]
 async fn a_refused_publication_is_reported_with_what_it_means() {
-    let version = Version::V5;
+    let version = MqttVersion::V5;
     let reasons = [
-        (0x80, Refusal::Failed),
-        (0x83, Refusal::Failed),
-        (0x87, Refusal::Never),
-        (0x90, Refusal::Never),
-        (0x97, Refusal::Full),
-        (0x99, Refusal::Never),
+        (0x80, PublicationRefusal::Failed),
+        (0x83, PublicationRefusal::Failed),
+        (0x87, PublicationRefusal::Never),
+        (0x90, PublicationRefusal::Never),
+        (0x97, PublicationRefusal::Full),
+        (0x99, PublicationRefusal::Never),
     ];
     let count = reasons.len() as u64;
     let stub = Stub::new(version).await;
@@ -54,7 +54,7 @@ async fn a_publication_with_a_token_that_cannot_be_sent_is_reported_as_refused()
             ..text("a/#", "")
         };
         let stub = Stub::new(version).await;
-        let rig = Rig::greeting(vec![Packet::Publish(wild), with_token(4)]);
+        let rig = Rig::greeting(vec![ClientPacket::Publish(wild), with_token(4)]);
         let told = rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             let identifier = peer.published().await.identifier;
@@ -64,7 +64,7 @@ async fn a_publication_with_a_token_that_cannot_be_sent_is_reported_as_refused()
         assert_eq!(
             told.await[1..],
             [
-                Outcome::Refused(3, Refusal::Never),
+                Outcome::Refused(3, PublicationRefusal::Never),
                 Outcome::Acknowledged(4)
             ],
             "{version:?}"
@@ -83,7 +83,7 @@ async fn until_quiet(peer: &mut Peer) -> Vec<Published> {
 
 #[tokio::test]
 async fn no_more_is_open_than_the_broker_takes_at_once() {
-    let version = Version::V5;
+    let version = MqttVersion::V5;
     let stub = Stub::new(version).await;
     let rig = Rig::greeting((0..20).map(with_token).collect());
     let told = rig
@@ -115,7 +115,7 @@ async fn no_more_is_open_than_the_broker_takes_at_once() {
             rig.told_at_least(21).await
         })
         .await;
-    assert_eq!(told[1], Outcome::Refused(0, Refusal::Full));
+    assert_eq!(told[1], Outcome::Refused(0, PublicationRefusal::Full));
     assert_eq!(acknowledged(&told), (1..20).collect::<Vec<_>>());
 }
 
@@ -127,7 +127,7 @@ async fn a_long_subscription_goes_in_pieces_that_a_small_limit_takes_and_is_answ
             .collect();
         let filters = filters(&paths.iter().map(String::as_str).collect::<Vec<_>>());
         let stub = Stub::new(version).await;
-        let rig = Rig::greeting(vec![Packet::Subscribe(filters)]);
+        let rig = Rig::greeting(vec![ClientPacket::Subscribe(filters)]);
         let told = rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             let mut answered = 0;

@@ -1,9 +1,9 @@
 //! Writing, and what is reported as sent.
 
-use super::super::exchange::Protocol;
-use super::super::incident::Incident;
+use super::super::exchange::ProtocolState;
+use super::super::incident::ConnectionIncident;
 use super::super::v4::V4;
-use super::super::wire::Wire;
+use super::super::wire::BrokerWire;
 use super::*;
 use bytes::BytesMut;
 use rumqttc::{Packet as Mqtt, Publish, QoS, Request};
@@ -14,7 +14,7 @@ use tokio::io::{AsyncReadExt, duplex};
 
 fn protocol() -> V4 {
     V4::new(
-        &settings("127.0.0.1:1".parse().unwrap(), Version::V4),
+        &settings("127.0.0.1:1".parse().unwrap(), MqttVersion::V4),
         text("will", "gone"),
     )
 }
@@ -27,7 +27,7 @@ fn publish() -> Publish {
 async fn a_write_that_was_dropped_half_way_continues_where_it_was() {
     let (near, mut far) = duplex(16);
     let protocol = protocol();
-    let mut wire = Wire::new(Box::new(near));
+    let mut wire = BrokerWire::new(Box::new(near));
     let packet = Mqtt::Publish(Publish {
         pkid: 1,
         ..publish()
@@ -53,7 +53,7 @@ fn what_was_not_written_is_not_reported_as_sent() {
     written.outgoing(Request::Publish(publish())).unwrap();
     assert!(matches!(
         written.next_incident(),
-        Some(Incident::PublicationLeft(1))
+        Some(ConnectionIncident::PublicationLeft(1))
     ));
 
     let mut broken = protocol();

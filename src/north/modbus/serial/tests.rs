@@ -16,14 +16,14 @@ const fn at(us: u64) -> MonoTime {
     MonoTime::from_nanos(1_000_000_000 + us * 1000)
 }
 
-fn slave(framing: Framing) -> Slave {
+fn slave(framing: Framing) -> SerialSlave {
     let settings = SlaveSettings {
         link: LINK,
         framing,
         answer_within: Duration::from_millis(100),
         is_paced: true,
     };
-    Slave::new(settings, at(0))
+    SerialSlave::new(settings, at(0))
 }
 
 fn ours(unit: u8) -> bool {
@@ -47,7 +47,7 @@ const REPLY: [u8; 4] = [3, 2, 0, 7];
 const WRITE: [u8; 5] = [6, 1, 0, 0, 1];
 
 /// A slave that has taken `pdu` at 10 ms, with the request.
-fn asked(pdu: &[u8]) -> (Slave, SlaveRequest) {
+fn asked(pdu: &[u8]) -> (SerialSlave, SlaveRequest) {
     let mut slave = slave(Framing::Rtu);
     slave.received(at(10_000), &frame(1, pdu), &ours);
     slave.tick(at(13_700), &ours);
@@ -472,7 +472,7 @@ fn the_least_time_leaves_room_for_silence_and_exception() {
 }
 
 /// All requests that wait to be taken out, in order.
-fn taken_out(slave: &mut Slave) -> Vec<Vec<u8>> {
+fn taken_out(slave: &mut SerialSlave) -> Vec<Vec<u8>> {
     std::iter::from_fn(|| slave.next_request())
         .map(|request| request.pdu)
         .collect()

@@ -11,7 +11,7 @@ pub use gateway::gateway;
 pub use native::native;
 pub use uniform::uniform;
 
-use super::map::{Holds, MapRow, MapTable};
+use super::map::{MapRow, MapTable, RowContent};
 use super::uniform::ABSENT;
 use crate::domain::command::Reason;
 
@@ -33,7 +33,7 @@ pub enum SheetTable {
 impl SheetTable {
     /// As a table shows it.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Coil => "coil",
             Self::Discrete => "discrete input",
@@ -99,7 +99,7 @@ pub enum SheetFormat {
 impl SheetFormat {
     /// As a table shows it.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn keyword(self) -> &'static str {
         match self {
             Self::Bit => "bit",
             Self::Unsigned => "uint16",
@@ -179,10 +179,10 @@ impl SheetRow {
 fn of_map(row: &MapRow, address: u16) -> SheetRow {
     let table = SheetTable::from(row.table);
     let (step, unit, meaning) = match row.holds {
-        Holds::Steps(step, unit) => (step, unit, String::new()),
-        Holds::Number(about) => ("1", "", about.to_owned()),
-        Holds::Codes(codes) => ("", "", codes.to_owned()),
-        Holds::Reason => ("", "", reasons()),
+        RowContent::Steps(step, unit) => (step, unit, String::new()),
+        RowContent::Number(about) => ("1", "", about.to_owned()),
+        RowContent::Codes(codes) => ("", "", codes.to_owned()),
+        RowContent::Reason => ("", "", reasons()),
     };
     let format = match (table, row.is_signed()) {
         (SheetTable::Coil | SheetTable::Discrete, _) => SheetFormat::Bit,
@@ -224,6 +224,6 @@ fn absent_text(count: u16, absent: u16, why: &str) -> String {
 fn reasons() -> String {
     let all = Reason::ALL
         .iter()
-        .map(|reason| format!("{} {}", reason.number(), reason.word()));
+        .map(|reason| format!("{} {}", reason.number(), reason.keyword()));
     all.collect::<Vec<_>>().join(", ")
 }

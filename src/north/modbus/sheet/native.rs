@@ -1,15 +1,15 @@
 //! The map of a native unit: the registers that the model knows, and which of them may be written.
 
 use super::{SheetFormat, SheetRow, SheetTable};
-use crate::domain::address::{Address, Table};
+use crate::domain::address::{Address, DataTable};
 use crate::domain::command::Rights;
 use crate::domain::control::ControlSettings;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
 use crate::profile::model::{
-    CodeText, Memory, Model, OrderKind, OrderedWord, Register, Role, StatusFlag,
+    CodeText, Model, OrderKind, OrderedWord, Register, RegisterMemory, RegisterRole, StatusFlag,
 };
-use crate::profile::scale::Scaled;
+use crate::profile::scale::ScaledValue;
 use crate::profile::words::FLAGS;
 use crate::toml_file::words::word_for;
 
@@ -22,7 +22,8 @@ pub fn native(drive: &DriveDescription, rights: Rights) -> Vec<SheetRow> {
     let model = &drive.model;
     let control = drive.control.as_deref();
     let registers = model.registers.iter();
-    let rows = registers.map(|register| of(model, register, register.address, control, rights));
+    let rows =
+        registers.map(|register| native_row(model, register, register.address, control, rights));
     let twins = control
         .iter()
         .flat_map(|control| &control.native_write)
@@ -33,7 +34,7 @@ pub fn native(drive: &DriveDescription, rights: Rights) -> Vec<SheetRow> {
             let register = model
                 .stored_twin(*address)
                 .or_else(|| model.in_ram_at((*address).into()))?;
-            Some(of(
+            Some(native_row(
                 model,
                 register,
                 Address::holding(*address),
@@ -59,24 +60,24 @@ const fn is_of_bits(table: SheetTable) -> bool {
 
 /// The table of a native unit that shows those of the drive's `table`: without input registers of its own, holding registers
 /// are both.
-fn table_of(model: &Model, table: Table) -> SheetTable {
+fn table_of(model: &Model, table: DataTable) -> SheetTable {
     match table {
-        Table::Coil => SheetTable::Coil,
-        Table::Discrete => SheetTable::Discrete,
-        Table::Input => SheetTable::Input,
-        Table::Holding
+        DataTable::Coil => SheetTable::Coil,
+        DataTable::Discrete => SheetTable::Discrete,
+        DataTable::Input => SheetTable::Input,
+        DataTable::Holding
             if model
                 .registers
                 .iter()
-                .any(|it| it.address.table() == Table::Input) =>
+                .any(|it| it.address.table() == DataTable::Input) =>
         {
             SheetTable::Holding
         }
-        Table::Holding => SheetTable::Word,
+        DataTable::Holding => SheetTable::Word,
     }
 }
 
-fn of(
+fn native_row(
     model: &Model,
     register: &Register,
     address: Address,
@@ -135,7 +136,7 @@ fn of(
 const fn is_command(register: &Register) -> bool {
     matches!(
         register.role,
-        Some(Role::RunCommand | Role::Order | Role::FrequencyCommand)
+        Some(RegisterRole::RunCommand | RegisterRole::Order | RegisterRole::FrequencyCommand)
     )
 }
 
@@ -143,22 +144,27 @@ const fn is_command(register: &Register) -> bool {
 fn step(register: &Register) -> String {
     let is_code = !register.meanings.is_empty()
         || register.role.is_some_and(|role| {
-            matches!(role, Role::RunCommand | Role::Order) || names_trips(role)
+            matches!(role, RegisterRole::RunCommand | RegisterRole::Order) || names_trips(role)
         });
     match register.scale {
         _ if is_code || !register.form.is_plain() || register.address.table().is_of_bits() => {
             String::new()
         }
-        scale if 10_u32.pow(scale.ilog10()) == scale => Scaled::from_word(1, register).to_string(),
+        scale if 10_u32.pow(scale.ilog10()) == scale => {
+            ScaledValue::from_word(1, register).to_string()
+        }
         scale => format!("1/{scale}"),
     }
 }
 
 /// Whether registers with `role` hold the vendor's numbers of trips.
-const fn names_trips(role: Role) -> bool {
+const fn names_trips(role: RegisterRole) -> bool {
     matches!(
         role,
-        Role::TripCode | Role::TripBits | Role::TripCause | Role::TripHistory
+        RegisterRole::TripCode
+            | RegisterRole::TripBits
+            | RegisterRole::TripCause
+            | RegisterRole::TripHistory
     )
 }
 
@@ -174,7 +180,9 @@ fn meaning(model: &Model, register: &Register) -> String {
         .filter(|flag| flag.address == register.address && register.meanings.is_empty());
     let flags = flags.map(of_flag);
     let of_role: Vec<_> = match register.role {
-        Some(Role::RunCommand | Role::Order) => order_words(model, register.address),
+        Some(RegisterRole::RunCommand | RegisterRole::Order) => {
+            order_words(model, register.address)
+        }
         Some(role) if names_trips(role) => model.trip_codes.iter().map(of_trip).collect(),
         _ => Vec::new(),
     };
@@ -207,7 +215,7 @@ fn order_words(model: &Model, address: Address) -> Vec<String> {
             OrderKind::Forward if is_by_direction => {
                 rows.push(row(fact.value, "run", fact.confidence.is_proven()))
             }
-            _ => rows.push(row(fact.value, kind.word(), fact.confidence.is_proven())),
+            _ => rows.push(row(fact.value, kind.keyword(), fact.confidence.is_proven())),
         }
     }
     if let Some(words) = model.direction_at(address) {
@@ -276,14 +284,14 @@ fn special(register: &Register, commands: bool, is_listed: bool, is_twin: bool) 
     }
     if let Some(why) = &register.back_door {
         notes.push(format!("never written: {why}"));
-    } else if register.role.is_some_and(Role::is_guarded) && !is_command {
+    } else if register.role.is_some_and(RegisterRole::is_guarded) && !is_command {
         notes.push("never written by a client".to_owned());
     }
-    if is_listed && register.memory != Some(Memory::Ram) || is_twin {
+    if is_listed && register.memory != Some(RegisterMemory::Ram) || is_twin {
         notes.push("stored, in a memory that wears out".to_owned());
     }
     if !register.confidence.is_proven() {
-        notes.push(format!("unproven ({})", register.confidence.word()));
+        notes.push(format!("unproven ({})", register.confidence.keyword()));
     }
     notes.join("; ")
 }

@@ -1,17 +1,17 @@
 //! The sheets state what a client gets.
 
-use super::super::ask::Ask;
-use super::super::connection::Connection;
-use super::super::limits::Limits;
+use super::super::ask::ModbusRequest;
+use super::super::connection::ModbusConnection;
+use super::super::limits::ConnectionLimits;
 use super::super::own;
-use super::super::taken::{Present, Taken};
+use super::super::taken::{RequestAction, RequestContext};
 use super::super::testing::{self, NOW};
-use super::super::uniform::Uniform;
-use super::super::words::Words;
+use super::super::uniform::UniformUnit;
+use super::super::words::WordBuffer;
 use super::*;
 use crate::domain::command::{Owner, Rights};
-use crate::drive::description::{DriveDescription, Ratings};
-use crate::drive::snapshot::Presence;
+use crate::drive::description::{DriveDescription, DriveRatings};
+use crate::drive::snapshot::DrivePresence;
 use crate::drive::view::DriveView;
 use crate::vendors;
 use crate::wire::mbap;
@@ -32,7 +32,7 @@ fn drives() -> Vec<DriveDescription> {
     let models = catalog
         .ids()
         .map(|id| Arc::clone(catalog.find(id).unwrap()));
-    let ratings = Ratings {
+    let ratings = DriveRatings {
         current_ma: Some(11_000),
         voltage_mv: Some(400_000),
     };
@@ -48,7 +48,7 @@ fn drives() -> Vec<DriveDescription> {
 fn picture(drive: &DriveDescription) -> DriveView {
     let mut view = testing::view();
     view.snapshot = Default::default();
-    view.snapshot.presence = Presence::Online;
+    view.snapshot.presence = DrivePresence::Online;
     if drive.model.trip_register().is_none() {
         view.trip.active = None;
     }
@@ -61,29 +61,29 @@ fn picture(drive: &DriveDescription) -> DriveView {
 
 /// What a client gets that requests `count` words by `function`, through a connection; or the exception.
 fn asked(
-    unit: &Uniform,
+    unit: &UniformUnit,
     view: &DriveView,
     function: u8,
     address: u16,
     count: u16,
 ) -> Result<Vec<u16>, u8> {
-    let mut connection = Connection::new(Limits::default(), NOW);
+    let mut connection = ModbusConnection::new(ConnectionLimits::default(), NOW);
     let mut request = Vec::new();
     mbap::encode(&mut request, 1, 101, |pdu| {
         pdu.push(function);
         pdu.extend(address.to_be_bytes());
         pdu.extend(count.to_be_bytes());
     });
-    connection.receive(NOW, &request, &|_: u8, _: &Ask| false);
+    connection.receive(NOW, &request, &|_: u8, _: &ModbusRequest| false);
     let call = connection.next_call().unwrap();
-    let mut words = Words::default();
-    let present = Present {
+    let mut words = WordBuffer::default();
+    let present = RequestContext {
         now: NOW,
         uptime_s: 3,
         owner: Owner::Mqtt,
         standby: None,
     };
-    let taken: Taken = unit.take(&call.ask, view, &present, &mut words);
+    let taken: RequestAction = unit.take(&call.ask, view, &present, &mut words);
     taken
         .at_once(&words, |answer| connection.answer(NOW, call.ticket, answer))
         .unwrap();
@@ -135,7 +135,7 @@ fn every_uniform_word_reads_as_the_sheet_says() {
     let mut measured = 0;
     let mut absent = 0;
     for drive in drives() {
-        let unit = Uniform::new(&drive);
+        let unit = UniformUnit::new(&drive);
         let view = picture(&drive);
         for row in uniform(&drive, ALL) {
             let by_03 = asked(&unit, &view, 3, row.address, row.count);
@@ -193,7 +193,7 @@ fn every_uniform_word_reads_as_the_sheet_says() {
 
 #[test]
 fn bits_read_as_the_sheet_says() {
-    let unit = Uniform::new(&testing::description());
+    let unit = UniformUnit::new(&testing::description());
     let view = testing::view();
     let rows = uniform(&testing::description(), ALL);
     for (table, function) in [(SheetTable::Coil, 1), (SheetTable::Discrete, 2)] {
@@ -204,8 +204,8 @@ fn bits_read_as_the_sheet_says() {
             .max()
             .unwrap();
         assert_eq!(of_table.iter().map(|row| row.count).sum::<u16>(), last);
-        let mut words = Words::default();
-        let present = Present {
+        let mut words = WordBuffer::default();
+        let present = RequestContext {
             now: NOW,
             uptime_s: 3,
             owner: Owner::Mqtt,
@@ -215,7 +215,7 @@ fn bits_read_as_the_sheet_says() {
             let ask = super::super::request::parse(&[function, 0, 0, 0, count as u8]).unwrap();
             let taken = unit.take(&ask, &view, &present, &mut words);
             assert_eq!(
-                matches!(taken, Taken::Bits { .. }),
+                matches!(taken, RequestAction::Bits { .. }),
                 is_there,
                 "{function} {count}"
             );

@@ -1,7 +1,7 @@
 //! The map of a uniform unit, with what applies to this drive.
 
 use super::super::map::{MapAccess, MapRow, MapTable, MapUnit, map};
-use super::super::uniform::{Uniform, address, capability, run};
+use super::super::uniform::{UniformUnit, address, capability, run};
 use super::{SheetRow, absent_text, of_map};
 use crate::domain::command::Rights;
 use crate::drive::description::DriveDescription;
@@ -19,12 +19,18 @@ const RUN_VALUES: [(u16, u16); 6] = [
 /// The map of the uniform unit of `drive` for a client with `rights`.
 #[must_use]
 pub fn uniform(drive: &DriveDescription, rights: Rights) -> Vec<SheetRow> {
-    let unit = Uniform::new(drive);
+    let unit = UniformUnit::new(drive);
     let rows = map().iter().filter(|row| row.unit == MapUnit::Uniform);
-    rows.map(|row| of(row, drive, &unit, rights)).collect()
+    rows.map(|row| uniform_row(row, drive, &unit, rights))
+        .collect()
 }
 
-fn of(row: &MapRow, drive: &DriveDescription, unit: &Uniform, rights: Rights) -> SheetRow {
+fn uniform_row(
+    row: &MapRow,
+    drive: &DriveDescription,
+    unit: &UniformUnit,
+    rights: Rights,
+) -> SheetRow {
     let plain = of_map(row, row.address);
     let taken = taken(drive, unit, rights);
     let is_written = row.access == MapAccess::ReadWrite && is_written(row, &taken);
@@ -48,7 +54,7 @@ fn of(row: &MapRow, drive: &DriveDescription, unit: &Uniform, rights: Rights) ->
 }
 
 /// The run values that a client with `rights` may send to `drive`.
-fn taken(drive: &DriveDescription, unit: &Uniform, rights: Rights) -> Vec<u16> {
+fn taken(drive: &DriveDescription, unit: &UniformUnit, rights: Rights) -> Vec<u16> {
     let Some(control) = &drive.control else {
         return Vec::new();
     };
@@ -104,7 +110,7 @@ fn coil_text(address: u16, taken: &[u16]) -> &'static str {
 }
 
 /// The drive's own register of a measurement, in words.
-fn register(drive: &DriveDescription, unit: &Uniform, address: u16) -> Option<String> {
+fn register(drive: &DriveDescription, unit: &UniformUnit, address: u16) -> Option<String> {
     let register = drive.model.register_at(unit.register_of(address)?)?;
     let code = register
         .code

@@ -4,10 +4,10 @@ use crate::domain::address::Address;
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
-use crate::drive::description::{DriveDescription, Freshness};
-use crate::drive::rated::Rated;
+use crate::drive::description::{DriveDescription, FreshnessLimits};
+use crate::drive::rated::RatedConversion;
 use crate::drive::view::DriveView;
-use crate::profile::model::{Register, Role};
+use crate::profile::model::{Register, RegisterRole};
 
 /// The unsigned word for a value that the drive does not have or that is not known.
 pub const ABSENT: u16 = 0xFFFF;
@@ -16,24 +16,28 @@ pub const ABSENT_SIGNED: u16 = 0x8000;
 
 /// Where a measurement comes from.
 #[derive(Clone, Debug)]
-pub(super) struct Column {
+pub(super) struct MeasurementSource {
     register: Register,
     /// The register is in per cent of a rated value that is stated.
-    rated: Option<Rated>,
-    freshness: Freshness,
+    rated: Option<RatedConversion>,
+    freshness: FreshnessLimits,
 }
 
 /// A value that is fresh: `raw` steps of `1 / scale`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Fresh {
+pub(super) struct FreshValue {
     raw: i64,
     scale: i64,
 }
 
-impl Column {
+impl MeasurementSource {
     /// The measurement with `role`; `None` if the model does not have it, does not poll it, or has it in another unit
     /// (in per cent of a rated value that is not stated, for instance).
-    pub(super) fn new(drive: &DriveDescription, role: Role, unit: UnitOfMeasure) -> Option<Self> {
+    pub(super) fn new(
+        drive: &DriveDescription,
+        role: RegisterRole,
+        unit: UnitOfMeasure,
+    ) -> Option<Self> {
         Self::of(drive, drive.model.register_for(role)?, unit)
     }
 
@@ -43,7 +47,8 @@ impl Column {
         register: &Register,
         unit: UnitOfMeasure,
     ) -> Option<Self> {
-        let rated = Rated::of(register, &drive.ratings).filter(|rated| rated.unit == unit);
+        let rated =
+            RatedConversion::of(register, &drive.ratings).filter(|rated| rated.unit == unit);
         if register.unit != unit && rated.is_none() {
             return None;
         }
@@ -60,7 +65,7 @@ impl Column {
     }
 
     /// The value, if it is known and not stale.
-    pub(super) fn fresh(&self, view: &DriveView, now: MonoTime) -> Option<Fresh> {
+    pub(super) fn fresh(&self, view: &DriveView, now: MonoTime) -> Option<FreshValue> {
         let reading = view.snapshot.value(&self.register)?;
         if now >= self.freshness.ends_at_of(reading.at, &view.snapshot)? {
             return None;
@@ -69,11 +74,11 @@ impl Column {
             || reading.value.fraction(),
             |rated| rated.fraction(reading.value),
         );
-        Some(Fresh { raw, scale })
+        Some(FreshValue { raw, scale })
     }
 }
 
-impl Fresh {
+impl FreshValue {
     /// A frequency.
     pub(super) fn of(frequency: Hertz) -> Self {
         Self {
@@ -131,8 +136,8 @@ pub(super) fn unsigned(value: i64) -> u16 {
 mod tests {
     use super::*;
 
-    const fn fresh(raw: i64, scale: i64) -> Fresh {
-        Fresh { raw, scale }
+    const fn fresh(raw: i64, scale: i64) -> FreshValue {
+        FreshValue { raw, scale }
     }
 
     #[test]

@@ -12,15 +12,15 @@ pub use order::{presses_stop, run};
 pub use status::{alarm, bit, capability};
 pub(super) use table::WORDS;
 
-use super::ask::{Ask, BitTable, WordTable};
-use super::taken::{Present, Taken};
-use super::words::Words;
+use super::ask::{BitTable, ModbusRequest, WordTable};
+use super::taken::{RequestAction, RequestContext};
+use super::words::WordBuffer;
 use crate::domain::command::Reason;
 use crate::domain::frequency::Hertz;
 use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
 use crate::wire::exception;
-use sources::Sources;
+use sources::MeasurementSources;
 
 /// Addresses of the uniform map that can be written.
 pub mod address {
@@ -53,19 +53,19 @@ const STATUS_BITS: u16 = 16;
 
 /// The uniform unit of one drive, prepared once so that a read needs no lookup by name.
 #[derive(Clone, Debug)]
-pub struct Uniform {
-    sources: Sources,
+pub struct UniformUnit {
+    sources: MeasurementSources,
     reported: u16,
     capabilities: u16,
     /// Lowest and highest setpoint, 0.01 Hz.
     limits: [u16; 2],
 }
 
-impl Uniform {
+impl UniformUnit {
     /// The unit of the drive that `drive` describes.
     #[must_use]
     pub fn new(drive: &DriveDescription) -> Self {
-        let sources = Sources::new(drive);
+        let sources = MeasurementSources::new(drive);
         let reported = status::reported(drive, &sources);
         let control = drive.control.as_deref();
         let capabilities = status::capabilities(&drive.model, control);
@@ -84,38 +84,44 @@ impl Uniform {
     ///
     /// Reads succeed whatever the state of the drive. A request that is partly outside of the map is answered with 02
     /// as a whole; a write to a drive without control with 01.
-    pub fn take(&self, ask: &Ask, view: &DriveView, present: &Present, words: &mut Words) -> Taken {
+    pub fn take(
+        &self,
+        ask: &ModbusRequest,
+        view: &DriveView,
+        present: &RequestContext,
+        words: &mut WordBuffer,
+    ) -> RequestAction {
         match ask {
-            Ask::ReadWords {
+            ModbusRequest::ReadWords {
                 table: WordTable::Input,
                 address,
                 count,
             } if last(*address, *count) >= PICTURE_WORDS => {
-                Taken::Exception(exception::ILLEGAL_DATA_ADDRESS)
+                RequestAction::Exception(exception::ILLEGAL_DATA_ADDRESS)
             }
-            Ask::ReadWords { address, count, .. } => {
+            ModbusRequest::ReadWords { address, count, .. } => {
                 self.read(*address, *count, view, present, words)
             }
-            Ask::ReadBits {
+            ModbusRequest::ReadBits {
                 table,
                 address,
                 count,
             } => self.read_bits(*table, *address, *count, view, present),
-            Ask::LoopTest { .. } => Taken::Nothing,
-            Ask::Identify { .. } => Taken::Exception(exception::ILLEGAL_FUNCTION),
-            Ask::ReadWriteWords {
+            ModbusRequest::LoopTest { .. } => RequestAction::Nothing,
+            ModbusRequest::Identify { .. } => RequestAction::Exception(exception::ILLEGAL_FUNCTION),
+            ModbusRequest::ReadWriteWords {
                 read_address,
                 read_count,
                 ..
             } => match self.read(*read_address, *read_count, view, present, words) {
-                Taken::Words => self.write(ask, view),
-                _ => Taken::Refused(Reason::NotListed),
+                RequestAction::Words => self.write(ask, view),
+                _ => RequestAction::Refused(Reason::NotListed),
             },
-            Ask::WriteCoil { .. }
-            | Ask::WriteWord { .. }
-            | Ask::WriteCoils { .. }
-            | Ask::WriteWords { .. }
-            | Ask::MaskWord { .. } => self.write(ask, view),
+            ModbusRequest::WriteCoil { .. }
+            | ModbusRequest::WriteWord { .. }
+            | ModbusRequest::WriteCoils { .. }
+            | ModbusRequest::WriteWords { .. }
+            | ModbusRequest::MaskWord { .. } => self.write(ask, view),
         }
     }
 
@@ -125,24 +131,24 @@ impl Uniform {
         address: u16,
         count: u16,
         view: &DriveView,
-        present: &Present,
-        words: &mut Words,
-    ) -> Taken {
+        present: &RequestContext,
+        words: &mut WordBuffer,
+    ) -> RequestAction {
         let is_there = last(address, count) < PICTURE_WORDS
             || address >= address::RUN && last(address, count) <= CONTROL_LAST;
         let is_filled =
             is_there && words.fill(address, count, |address| self.word(address, view, present));
         if is_filled {
-            Taken::Words
+            RequestAction::Words
         } else {
-            Taken::Exception(exception::ILLEGAL_DATA_ADDRESS)
+            RequestAction::Exception(exception::ILLEGAL_DATA_ADDRESS)
         }
     }
 
     /// Whether `ask` orders this drive to stop or to coast.
     #[must_use]
-    pub fn is_stop(&self, ask: &Ask, view: &DriveView) -> bool {
-        matches!(self.write(ask, view), Taken::Order(order) if order.is_stop())
+    pub fn is_stop(&self, ask: &ModbusRequest, view: &DriveView) -> bool {
+        matches!(self.write(ask, view), RequestAction::Order(order) if order.is_stop())
     }
 
     /// What can be ordered of the drive: the bits of [`capability`].
@@ -157,14 +163,14 @@ impl Uniform {
         self.sources.has_control
     }
 
-    fn write(&self, ask: &Ask, view: &DriveView) -> Taken {
+    fn write(&self, ask: &ModbusRequest, view: &DriveView) -> RequestAction {
         if !self.has_control() {
-            return Taken::Refused(Reason::ReadOnly);
+            return RequestAction::Refused(Reason::ReadOnly);
         }
         match order::order_in(ask, view.control.as_ref()) {
-            Ok(Some(order)) => Taken::Order(order),
-            Ok(None) => Taken::Nothing,
-            Err(reason) => Taken::Refused(reason),
+            Ok(Some(order)) => RequestAction::Order(order),
+            Ok(None) => RequestAction::Nothing,
+            Err(reason) => RequestAction::Refused(reason),
         }
     }
 
@@ -175,16 +181,16 @@ impl Uniform {
         address: u16,
         count: u16,
         view: &DriveView,
-        present: &Present,
-    ) -> Taken {
+        present: &RequestContext,
+    ) -> RequestAction {
         let (bits, there) = match table {
             BitTable::Discrete => (status::status(&self.sources, view, present), STATUS_BITS),
             BitTable::Coils => (self.coils(view), address::COILS),
         };
         if last(address, count) >= there {
-            return Taken::Exception(exception::ILLEGAL_DATA_ADDRESS);
+            return RequestAction::Exception(exception::ILLEGAL_DATA_ADDRESS);
         }
-        Taken::Bits {
+        RequestAction::Bits {
             bits: bits >> address,
             count,
         }

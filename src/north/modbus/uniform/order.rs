@@ -1,8 +1,8 @@
 //! What a write to a uniform unit orders.
 
-use super::super::ask::{Ask, Bits};
+use super::super::ask::{ModbusRequest, PackedBits};
 use super::address;
-use crate::domain::command::{Direction, Go, Order, Reason, RunIntent};
+use crate::domain::command::{Direction, GoOrder, Order, Reason, RunIntent};
 use crate::domain::frequency::Hertz;
 use crate::drive::view::ControlView;
 
@@ -37,20 +37,23 @@ pub mod run {
 /// `not_capable` if `ask` does not write; `not_listed` outside of what can be written; `not_understood` for an unknown
 /// run value; `conflict` for both directions at once, a reset together with RUN, or a release or take-over together
 /// with a setpoint; `setpoint_unknown` for a mask on an unknown setpoint.
-pub(super) fn order_in(ask: &Ask, control: Option<&ControlView>) -> Result<Option<Order>, Reason> {
+pub(super) fn order_in(
+    ask: &ModbusRequest,
+    control: Option<&ControlView>,
+) -> Result<Option<Order>, Reason> {
     match ask {
-        Ask::WriteCoil { address, on } => coils(*address, 1, |_| Some(*on)),
-        Ask::WriteCoils { address, values } => coils_of(*address, values),
-        Ask::WriteWord { address, value } => words(*address, std::slice::from_ref(value)),
-        Ask::WriteWords { address, values }
-        | Ask::ReadWriteWords {
+        ModbusRequest::WriteCoil { address, on } => coils(*address, 1, |_| Some(*on)),
+        ModbusRequest::WriteCoils { address, values } => coils_of(*address, values),
+        ModbusRequest::WriteWord { address, value } => words(*address, std::slice::from_ref(value)),
+        ModbusRequest::WriteWords { address, values }
+        | ModbusRequest::ReadWriteWords {
             address, values, ..
         } => words(*address, values),
-        Ask::MaskWord { address, and, or } => masked(*address, *and, *or, control),
-        Ask::ReadBits { .. }
-        | Ask::ReadWords { .. }
-        | Ask::LoopTest { .. }
-        | Ask::Identify { .. } => Err(Reason::NotCapable),
+        ModbusRequest::MaskWord { address, and, or } => masked(*address, *and, *or, control),
+        ModbusRequest::ReadBits { .. }
+        | ModbusRequest::ReadWords { .. }
+        | ModbusRequest::LoopTest { .. }
+        | ModbusRequest::Identify { .. } => Err(Reason::NotCapable),
     }
 }
 
@@ -81,7 +84,7 @@ fn words(first: u16, values: &[u16]) -> Result<Option<Order>, Reason> {
 }
 
 fn go(setpoint: Option<Hertz>, direction: Option<Direction>) -> Option<Order> {
-    Go::new(Vec::new(), setpoint, direction).map(Order::Go)
+    GoOrder::new(Vec::new(), setpoint, direction).map(Order::Go)
 }
 
 /// A mask counts as a write of its result on the word that is read back.
@@ -114,7 +117,7 @@ pub(super) const fn run_word(intent: RunIntent) -> u16 {
     }
 }
 
-fn coils_of(first: u16, values: &Bits) -> Result<Option<Order>, Reason> {
+fn coils_of(first: u16, values: &PackedBits) -> Result<Option<Order>, Reason> {
     coils(first, values.count(), |place| values.get(place))
 }
 
@@ -154,10 +157,10 @@ fn coils(
 
 /// Whether `ask` presses the stop button, coil 3: that is an action each time, not a level that a controller holds.
 #[must_use]
-pub fn presses_stop(ask: &Ask) -> bool {
+pub fn presses_stop(ask: &ModbusRequest) -> bool {
     match ask {
-        Ask::WriteCoil { address, on } => *on && *address == address::STOP,
-        Ask::WriteCoils { address, values } => {
+        ModbusRequest::WriteCoil { address, on } => *on && *address == address::STOP,
+        ModbusRequest::WriteCoils { address, values } => {
             address::STOP
                 .checked_sub(*address)
                 .and_then(|place| values.get(place))
@@ -329,7 +332,7 @@ mod tests {
             (4, true, Err(2)),
             (0xFFFF, false, Err(2)),
         ] {
-            let ask = Ask::WriteCoil { address: coil, on };
+            let ask = ModbusRequest::WriteCoil { address: coil, on };
             assert_eq!(
                 order_in(&ask, None).map_err(exception_of),
                 right,

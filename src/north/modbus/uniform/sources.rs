@@ -1,33 +1,33 @@
 //! Where the uniform words of one drive come from, looked up once.
 
-use super::column::{Column, Fresh};
+use super::column::{FreshValue, MeasurementSource};
 use crate::domain::command::RunIntent;
 use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
-use crate::drive::description::{DriveDescription, Freshness};
+use crate::drive::description::{DriveDescription, FreshnessLimits};
 use crate::drive::usage::UsageParts;
 use crate::drive::view::DriveView;
-use crate::profile::model::{PollClass, Register, Role};
+use crate::profile::model::{PollClass, Register, RegisterRole};
 use std::time::Duration;
 
 /// The measurements that the model has, polls, and has in the unit of the map.
 #[derive(Clone, Debug)]
-pub(super) struct Sources {
-    pub(super) output_frequency: Option<Column>,
-    pub(super) setting: Option<Column>,
-    pub(super) current: Option<Column>,
-    pub(super) voltage: Option<Column>,
-    pub(super) dc_voltage: Option<Column>,
-    pub(super) power: Option<Column>,
-    pub(super) torque: Option<Column>,
-    pub(super) temperature: Option<Column>,
-    pub(super) run_hours: Option<Column>,
+pub(super) struct MeasurementSources {
+    pub(super) output_frequency: Option<MeasurementSource>,
+    pub(super) setting: Option<MeasurementSource>,
+    pub(super) current: Option<MeasurementSource>,
+    pub(super) voltage: Option<MeasurementSource>,
+    pub(super) dc_voltage: Option<MeasurementSource>,
+    pub(super) power: Option<MeasurementSource>,
+    pub(super) torque: Option<MeasurementSource>,
+    pub(super) temperature: Option<MeasurementSource>,
+    pub(super) run_hours: Option<MeasurementSource>,
     /// Every register that is polled while it may change, with the age from which it is stale.
-    pub(super) polled: Vec<(Register, Freshness)>,
+    pub(super) polled: Vec<(Register, FreshnessLimits)>,
     /// Trips are shown or counted.
     pub(super) has_trips: bool,
     /// The register of warnings.
-    pub(super) warning: Option<(Register, Freshness)>,
+    pub(super) warning: Option<(Register, FreshnessLimits)>,
     /// The drive has a control section.
     pub(super) has_control: bool,
     /// Which sums of what it has used there are.
@@ -38,9 +38,9 @@ fn is_live(register: &&Register) -> bool {
     register.poll.is_some_and(PollClass::is_live)
 }
 
-impl Sources {
+impl MeasurementSources {
     pub(super) fn new(drive: &DriveDescription) -> Self {
-        let column = |role, unit| Column::new(drive, role, unit);
+        let column = |role, unit| MeasurementSource::new(drive, role, unit);
         let registers = drive.model.registers.iter();
         let has_trips = drive
             .model
@@ -48,15 +48,16 @@ impl Sources {
             .is_some_and(|register| register.poll.is_some());
         let setting = drive.model.setting_register();
         Self {
-            output_frequency: column(Role::OutputFrequency, UnitOfMeasure::Hertz),
-            setting: setting.and_then(|register| Column::of(drive, register, UnitOfMeasure::Hertz)),
-            current: column(Role::OutputCurrent, UnitOfMeasure::Ampere),
-            voltage: column(Role::OutputVoltage, UnitOfMeasure::Volt),
-            dc_voltage: column(Role::DcLinkVoltage, UnitOfMeasure::Volt),
-            power: column(Role::OutputPower, UnitOfMeasure::Kilowatt),
-            torque: column(Role::Torque, UnitOfMeasure::Percent),
-            temperature: column(Role::Temperature, UnitOfMeasure::Celsius),
-            run_hours: column(Role::RunHours, UnitOfMeasure::Hour),
+            output_frequency: column(RegisterRole::OutputFrequency, UnitOfMeasure::Hertz),
+            setting: setting
+                .and_then(|register| MeasurementSource::of(drive, register, UnitOfMeasure::Hertz)),
+            current: column(RegisterRole::OutputCurrent, UnitOfMeasure::Ampere),
+            voltage: column(RegisterRole::OutputVoltage, UnitOfMeasure::Volt),
+            dc_voltage: column(RegisterRole::DcLinkVoltage, UnitOfMeasure::Volt),
+            power: column(RegisterRole::OutputPower, UnitOfMeasure::Kilowatt),
+            torque: column(RegisterRole::Torque, UnitOfMeasure::Percent),
+            temperature: column(RegisterRole::Temperature, UnitOfMeasure::Celsius),
+            run_hours: column(RegisterRole::RunHours, UnitOfMeasure::Hour),
             polled: registers
                 .filter(is_live)
                 .filter_map(|it| Some((it.clone(), drive.freshness(it)?)))
@@ -74,13 +75,17 @@ impl Sources {
     /// Whether the output frequency, which is fresh, is within 0.1 Hz of the setpoint that was ordered with the RUN in force.
     /// Without such an order, of the drive's own setting, which is fresh as well.
     pub(super) fn is_at_setpoint(&self, view: &DriveView, now: MonoTime) -> bool {
-        let fresh = |column: &Option<Column>| Some(column.as_ref()?.fresh(view, now)?.magnitude());
+        let fresh = |column: &Option<MeasurementSource>| {
+            Some(column.as_ref()?.fresh(view, now)?.magnitude())
+        };
         let output = fresh(&self.output_frequency);
         let ordered = view
             .control
             .as_ref()
             .filter(|control| matches!(control.intent, RunIntent::Run(_)));
-        let ordered = ordered.and_then(|control| control.setpoint).map(Fresh::of);
+        let ordered = ordered
+            .and_then(|control| control.setpoint)
+            .map(FreshValue::of);
         let wanted = ordered.or_else(|| fresh(&self.setting));
         output
             .zip(wanted)

@@ -1,15 +1,15 @@
 //! The uniform words that are made of bits, and which of their bits a model can report.
 
-use super::super::taken::Present;
-use super::Sources;
+use super::super::taken::RequestContext;
+use super::MeasurementSources;
 use crate::domain::command::Direction;
 use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
-use crate::drive::snapshot::Presence;
+use crate::drive::snapshot::DrivePresence;
 use crate::drive::view::{DriveView, RunState};
-use crate::profile::model::{Flag, Model, Role};
+use crate::profile::model::{IndicatedState, Model, RegisterRole};
 
 /// Status bits: uniform word 1 and the discrete inputs with the same numbers.
 pub mod bit {
@@ -82,7 +82,7 @@ pub mod capability {
 
 /// The run state of the drive. It is unknown for a drive that is out of reach.
 pub(super) fn run_state(view: &DriveView) -> RunState {
-    if !view.line_is_up || view.snapshot.presence == Presence::Offline {
+    if !view.line_is_up || view.snapshot.presence == DrivePresence::Offline {
         RunState::Offline
     } else {
         view.run_state
@@ -99,7 +99,11 @@ pub(super) fn is_tripped(view: &DriveView) -> Option<bool> {
 }
 
 /// Uniform word 1.
-pub(super) fn status(sources: &Sources, view: &DriveView, present: &Present) -> u16 {
+pub(super) fn status(
+    sources: &MeasurementSources,
+    view: &DriveView,
+    present: &RequestContext,
+) -> u16 {
     let now = present.now;
     let listens = present.standby == Some(LineRole::Listening);
     let state = run_state(view);
@@ -149,7 +153,7 @@ pub(super) fn status(sources: &Sources, view: &DriveView, present: &Present) -> 
 }
 
 /// Uniform word 17.
-pub(super) fn alarms(sources: &Sources, view: &DriveView, now: MonoTime) -> u16 {
+pub(super) fn alarms(sources: &MeasurementSources, view: &DriveView, now: MonoTime) -> u16 {
     let control = view.control.as_ref();
     [
         (
@@ -183,7 +187,7 @@ pub(super) fn alarms(sources: &Sources, view: &DriveView, now: MonoTime) -> u16 
 /// setting is as well or setpoints are ordered; tripped if the trips are shown or counted; local and alarm if a status word shows them; warning
 /// if a polled register does; standby on a line with several gateways (added when it is read); reverse if a status word shows it, or the drive has control and its model can run in reverse, because then it is known from
 /// what was ordered; and with control accepts, pending, leased and inhibited.
-pub(super) fn reported(drive: &DriveDescription, sources: &Sources) -> u16 {
+pub(super) fn reported(drive: &DriveDescription, sources: &MeasurementSources) -> u16 {
     let has_flag = |flag| drive.model.status_flag(flag).is_some();
     let has_reverse = sources.has_control
         && drive
@@ -191,12 +195,15 @@ pub(super) fn reported(drive: &DriveDescription, sources: &Sources) -> u16 {
             .run
             .as_ref()
             .is_some_and(|run| run.reverse.is_some());
-    let turns = sources.output_frequency.is_some() || has_flag(Flag::Running);
+    let turns = sources.output_frequency.is_some() || has_flag(IndicatedState::Running);
     let with_control = bit::ACCEPTS | bit::PENDING | bit::LEASED | bit::INHIBITED;
     [
         (true, bit::ONLINE),
         (turns, bit::RUNNING),
-        (has_reverse || has_flag(Flag::Reverse), bit::REVERSE),
+        (
+            has_reverse || has_flag(IndicatedState::Reverse),
+            bit::REVERSE,
+        ),
         (sources.has_trips, bit::TRIPPED),
         (
             sources.output_frequency.is_some()
@@ -206,10 +213,10 @@ pub(super) fn reported(drive: &DriveDescription, sources: &Sources) -> u16 {
         (sources.has_control, with_control),
         (!sources.polled.is_empty(), bit::STALE),
         (
-            has_flag(Flag::BusRun) || has_flag(Flag::BusFrequency),
+            has_flag(IndicatedState::BusRun) || has_flag(IndicatedState::BusFrequency),
             bit::LOCAL,
         ),
-        (has_flag(Flag::Alarm), bit::ALARM),
+        (has_flag(IndicatedState::Alarm), bit::ALARM),
         (sources.warning.is_some(), bit::WARNING),
     ]
     .into_iter()
@@ -233,7 +240,7 @@ pub(super) fn capabilities(model: &Model, control: Option<&ControlSettings>) -> 
         (may(ControlAction::Coast), capability::COAST),
         (may(ControlAction::Reset), capability::RESET),
         (
-            model.register_for(Role::FrequencyCommand).is_some(),
+            model.register_for(RegisterRole::FrequencyCommand).is_some(),
             capability::SETPOINT,
         ),
         (

@@ -1,37 +1,40 @@
 //! The words of a uniform unit: one row defines what a word is, how it is read, and whether a drive has it.
 
 use super::super::map::{
-    AGE, COUNT, HUNDREDTHS, Holds, MapRow, MapTable, MapUnit, RESERVED, RUN_STATES, SECONDS, TRIP,
-    TRIPS, row,
+    AGE, COUNT, HUNDREDTHS, MapRow, MapTable, MapUnit, RESERVED, RUN_STATES, RowContent, SECONDS,
+    TRIP, TRIPS, row,
 };
-use super::column::{ABSENT, ABSENT_SIGNED, Column};
-use super::sources::Sources;
-use super::words::{Look, age_word, life};
-use super::{CONTROL_LAST, MAP_VERSION, PICTURE_WORDS, Uniform, address, status};
+use super::column::{ABSENT, ABSENT_SIGNED, MeasurementSource};
+use super::sources::MeasurementSources;
+use super::words::{WordContext, age_word, life};
+use super::{CONTROL_LAST, MAP_VERSION, PICTURE_WORDS, UniformUnit, address, status};
 use crate::drive::usage::UsagePart;
 
 /// One row of words.
 pub(in super::super) struct WordRow {
     /// What it is.
     pub(in super::super) row: MapRow,
-    from: From,
-    has: Has,
+    from: WordSource,
+    has: Capability,
 }
 
 /// Where a word comes from.
 #[derive(Clone, Copy)]
-enum From {
+enum WordSource {
     /// This reads it.
-    State(fn(&Uniform, &Look<'_>) -> u16),
+    State(fn(&UniformUnit, &WordContext<'_>) -> u16),
     /// The measurement found by this function, with its number of steps per unit.
-    Measurement(fn(&Sources) -> Option<&Column>, Steps),
+    Measurement(
+        fn(&MeasurementSources) -> Option<&MeasurementSource>,
+        WordSteps,
+    ),
     /// This sum of what the drive has used, in this many steps per unit.
     Usage(UsagePart, u64),
 }
 
 /// How a measurement becomes a word, or two.
 #[derive(Clone, Copy)]
-enum Steps {
+enum WordSteps {
     Unsigned(i64),
     /// Without its sign, in hundredths.
     Frequency,
@@ -42,7 +45,7 @@ enum Steps {
 
 /// Whether a drive has it.
 #[derive(Clone, Copy)]
-enum Has {
+enum Capability {
     Always,
     /// As far as the drive has the measurement.
     Measurement,
@@ -58,40 +61,40 @@ enum Has {
     Usage,
 }
 
-const TENTHS: Steps = Steps::Unsigned(10);
-const OUTCOMES: Holds = Holds::Codes(
+const TENTHS: WordSteps = WordSteps::Unsigned(10);
+const OUTCOMES: RowContent = RowContent::Codes(
     "0 none so far, 1 refused, 2 expired, 3 superseded, 4 failed, 5 unknown, 6 acknowledged, 7 confirmed",
 );
-const RUN_VALUES: Holds =
-    Holds::Codes("0 stop, 1 forward, 2 reverse, 3 coast, 4 reset, 5 release, 6 take");
-const OWNERS: Holds = Holds::Codes(
+const RUN_VALUES: RowContent =
+    RowContent::Codes("0 stop, 1 forward, 2 reverse, 3 coast, 4 reset, 5 release, 6 take");
+const OWNERS: RowContent = RowContent::Codes(
     "0 none, 1 MQTT, 2 another Modbus TCP client, 3 this client, 4 a tool at the gateway's host, 5 an operator on the page, \
      6 a Sparkplug host",
 );
-const ALARMS: Holds = Holds::Codes(
+const ALARMS: RowContent = RowContent::Codes(
     "bit 0 a stop had no effect, 1 fail-safe due or done, 2 stale data, 3 line down, 4 may still run, 5 output outside \
      limits, 6 stopped elsewhere",
 );
-const CAPABILITIES: Holds =
-    Holds::Codes("bit 0 forward, 1 reverse, 2 coast, 3 reset, 4 setpoint, 5 release, 6 take");
+const CAPABILITIES: RowContent =
+    RowContent::Codes("bit 0 forward, 1 reverse, 2 coast, 3 reset, 4 setpoint, 5 release, 6 take");
 
-type Read = fn(&Uniform, &Look<'_>) -> u16;
-type Find = fn(&Sources) -> Option<&Column>;
+type Read = fn(&UniformUnit, &WordContext<'_>) -> u16;
+type Find = fn(&MeasurementSources) -> Option<&MeasurementSource>;
 
-const fn state(address: u16, name: &'static str, holds: Holds, read: Read) -> WordRow {
+const fn state(address: u16, name: &'static str, holds: RowContent, read: Read) -> WordRow {
     WordRow {
         row: row(MapUnit::Uniform, MapTable::Word, address, name, holds),
-        from: From::State(read),
-        has: Has::Always,
+        from: WordSource::State(read),
+        has: Capability::Always,
     }
 }
 
-const fn control(address: u16, name: &'static str, holds: Holds, read: Read) -> WordRow {
+const fn control(address: u16, name: &'static str, holds: RowContent, read: Read) -> WordRow {
     let row = row(MapUnit::Uniform, MapTable::Holding, address, name, holds);
     WordRow {
         row,
-        from: From::State(read),
-        has: Has::Always,
+        from: WordSource::State(read),
+        has: Capability::Always,
     }
 }
 
@@ -100,7 +103,7 @@ const fn measured(
     name: &'static str,
     step: &'static str,
     unit: &'static str,
-    steps: Steps,
+    steps: WordSteps,
     find: Find,
 ) -> WordRow {
     let row = row(
@@ -108,17 +111,17 @@ const fn measured(
         MapTable::Word,
         address,
         name,
-        Holds::Steps(step, unit),
+        RowContent::Steps(step, unit),
     );
     let row = match steps {
-        Steps::Unsigned(_) | Steps::Frequency => row.or_absent(),
-        Steps::Signed(_) => row.signed(),
-        Steps::Long => row.or_absent().words(2),
+        WordSteps::Unsigned(_) | WordSteps::Frequency => row.or_absent(),
+        WordSteps::Signed(_) => row.signed(),
+        WordSteps::Long => row.or_absent().words(2),
     };
     WordRow {
         row,
-        from: From::Measurement(find, steps),
-        has: Has::Measurement,
+        from: WordSource::Measurement(find, steps),
+        has: Capability::Measurement,
     }
 }
 
@@ -134,12 +137,12 @@ const fn used(
         MapTable::Word,
         address,
         name,
-        Holds::Steps(step, part.unit().symbol()),
+        RowContent::Steps(step, part.unit().symbol()),
     );
     WordRow {
         row: row.or_absent().words(2),
-        from: From::Usage(part, steps),
-        has: Has::Usage,
+        from: WordSource::Usage(part, steps),
+        has: Capability::Usage,
     }
 }
 
@@ -159,7 +162,7 @@ impl WordRow {
     }
 
     /// It reads absent where the drive does not have it.
-    const fn where_it_has(self, has: Has) -> Self {
+    const fn where_it_has(self, has: Capability) -> Self {
         Self {
             row: self.row.or_absent(),
             has,
@@ -168,24 +171,26 @@ impl WordRow {
     }
 
     /// The word at `address`, which belongs to this row.
-    pub(super) fn read(&self, address: u16, unit: &Uniform, look: &Look<'_>) -> u16 {
+    pub(super) fn read(&self, address: u16, unit: &UniformUnit, look: &WordContext<'_>) -> u16 {
         match self.from {
-            From::State(read) => read(unit, look),
-            From::Measurement(find, steps) => {
+            WordSource::State(read) => read(unit, look),
+            WordSource::Measurement(find, steps) => {
                 let fresh = find(&unit.sources)
                     .and_then(|column| column.fresh(look.view, look.present.now));
                 match steps {
-                    Steps::Unsigned(steps) => fresh.map_or(ABSENT, |value| value.unsigned(steps)),
-                    Steps::Frequency => {
+                    WordSteps::Unsigned(steps) => {
+                        fresh.map_or(ABSENT, |value| value.unsigned(steps))
+                    }
+                    WordSteps::Frequency => {
                         fresh.map_or(ABSENT, |value| value.magnitude().unsigned(100))
                     }
-                    Steps::Signed(steps) => {
+                    WordSteps::Signed(steps) => {
                         fresh.map_or(ABSENT_SIGNED, |value| value.signed(steps))
                     }
-                    Steps::Long => self.long(address, fresh.map(|value| value.in_steps(1))),
+                    WordSteps::Long => self.long(address, fresh.map(|value| value.in_steps(1))),
                 }
             }
-            From::Usage(part, steps) => {
+            WordSource::Usage(part, steps) => {
                 let used = if unit.sources.usage.has(part) {
                     look.view.usage.steps(part, steps)
                 } else {
@@ -211,47 +216,51 @@ impl WordRow {
     }
 
     /// What its measurement comes from; `None` if the drive does not have it, or it is no measurement.
-    pub(super) fn column<'u>(&self, unit: &'u Uniform) -> Option<&'u Column> {
+    pub(super) fn column<'u>(&self, unit: &'u UniformUnit) -> Option<&'u MeasurementSource> {
         match self.from {
-            From::State(_) | From::Usage(..) => None,
-            From::Measurement(find, _) => find(&unit.sources),
+            WordSource::State(_) | WordSource::Usage(..) => None,
+            WordSource::Measurement(find, _) => find(&unit.sources),
         }
     }
 
     /// Whether it can ever hold anything but its mark of absence, with this drive.
-    pub(super) fn is_of(&self, unit: &Uniform) -> bool {
+    pub(super) fn is_of(&self, unit: &UniformUnit) -> bool {
         let sources = &unit.sources;
         match self.has {
-            Has::Always => true,
-            Has::Measurement => self.column(unit).is_some(),
-            Has::Tripped => sources.has_trips || unit.reported & status::bit::TRIPPED != 0,
-            Has::Trips => sources.has_trips,
-            Has::Polled => !sources.polled.is_empty(),
-            Has::Control => sources.has_control,
-            Has::Usage => matches!(self.from, From::Usage(part, _) if sources.usage.has(part)),
+            Capability::Always => true,
+            Capability::Measurement => self.column(unit).is_some(),
+            Capability::Tripped => sources.has_trips || unit.reported & status::bit::TRIPPED != 0,
+            Capability::Trips => sources.has_trips,
+            Capability::Polled => !sources.polled.is_empty(),
+            Capability::Control => sources.has_control,
+            Capability::Usage => {
+                matches!(self.from, WordSource::Usage(part, _) if sources.usage.has(part))
+            }
         }
     }
 }
 
 /// All words, in order of address.
 pub(in super::super) const WORDS: [WordRow; WORD_ROWS] = [
-    state(0, "map version", Holds::Number("1"), |_, _| MAP_VERSION),
+    state(0, "map version", RowContent::Number("1"), |_, _| {
+        MAP_VERSION
+    }),
     state(
         1,
         "status bits",
-        Holds::Codes("bit n is discrete input n"),
-        Uniform::status_word,
+        RowContent::Codes("bit n is discrete input n"),
+        UniformUnit::status_word,
     ),
     state(2, "run state", RUN_STATES, |_, look| {
         status::run_state(look.view).number()
     }),
-    state(3, "trip code", TRIP, Uniform::trip_code).where_it_has(Has::Tripped),
+    state(3, "trip code", TRIP, UniformUnit::trip_code).where_it_has(Capability::Tripped),
     measured(
         4,
         "output frequency",
         "0.01",
         "Hz",
-        Steps::Frequency,
+        WordSteps::Frequency,
         |it| it.output_frequency.as_ref(),
     ),
     measured(
@@ -259,7 +268,7 @@ pub(in super::super) const WORDS: [WordRow; WORD_ROWS] = [
         "frequency setting of the drive",
         "0.01",
         "Hz",
-        Steps::Frequency,
+        WordSteps::Frequency,
         |it| it.setting.as_ref(),
     ),
     measured(6, "output current", "0.1", "A", TENTHS, |it| {
@@ -274,26 +283,33 @@ pub(in super::super) const WORDS: [WordRow; WORD_ROWS] = [
     measured(9, "output power", "0.1", "kW", TENTHS, |it| {
         it.power.as_ref()
     }),
-    measured(10, "torque", "0.1", "%", Steps::Signed(10), |it| {
+    measured(10, "torque", "0.1", "%", WordSteps::Signed(10), |it| {
         it.torque.as_ref()
     }),
-    measured(11, "temperature", "0.1", "degC", Steps::Signed(10), |it| {
-        it.temperature.as_ref()
-    }),
+    measured(
+        11,
+        "temperature",
+        "0.1",
+        "degC",
+        WordSteps::Signed(10),
+        |it| it.temperature.as_ref(),
+    ),
     state(
         12,
         "age of the oldest polled value, 65535 more",
         AGE,
         |unit, look| age_word(unit.sources.oldest_age(look.view, look.present.now)),
     )
-    .where_it_has(Has::Polled),
-    state(13, "trips that are kept", TRIPS, Uniform::trips_kept).where_it_has(Has::Trips),
-    state(14, "code of the last of them", TRIP, Uniform::last_trip).where_it_has(Has::Trips),
+    .where_it_has(Capability::Polled),
+    state(13, "trips that are kept", TRIPS, UniformUnit::trips_kept)
+        .where_it_has(Capability::Trips),
+    state(14, "code of the last of them", TRIP, UniformUnit::last_trip)
+        .where_it_has(Capability::Trips),
     state(
         15,
         "status bits that this drive can report",
-        Holds::Codes("mask of word 1"),
-        Uniform::status_mask,
+        RowContent::Codes("mask of word 1"),
+        UniformUnit::status_mask,
     ),
     state(16, "life counter, wraps", SECONDS, |_, look| {
         life(look.present)
@@ -301,11 +317,13 @@ pub(in super::super) const WORDS: [WordRow; WORD_ROWS] = [
     state(17, "alarms", ALARMS, |unit, look| {
         status::alarms(&unit.sources, look.view, look.present.now)
     }),
-    state(18, "lease left", SECONDS, Uniform::lease_left),
-    state(19, "owner of the lease", OWNERS, Uniform::lease_owner),
-    state(20, "lowest setpoint", HUNDREDTHS, |unit, _| unit.limits[0]).where_it_has(Has::Control),
-    state(21, "highest setpoint", HUNDREDTHS, |unit, _| unit.limits[1]).where_it_has(Has::Control),
-    measured(22, "run hours", "1", "h", Steps::Long, |it| {
+    state(18, "lease left", SECONDS, UniformUnit::lease_left),
+    state(19, "owner of the lease", OWNERS, UniformUnit::lease_owner),
+    state(20, "lowest setpoint", HUNDREDTHS, |unit, _| unit.limits[0])
+        .where_it_has(Capability::Control),
+    state(21, "highest setpoint", HUNDREDTHS, |unit, _| unit.limits[1])
+        .where_it_has(Capability::Control),
+    measured(22, "run hours", "1", "h", WordSteps::Long, |it| {
         it.run_hours.as_ref()
     }),
     measured(
@@ -313,7 +331,7 @@ pub(in super::super) const WORDS: [WordRow; WORD_ROWS] = [
         "output current, finer",
         "0.01",
         "A",
-        Steps::Unsigned(100),
+        WordSteps::Unsigned(100),
         |it| it.current.as_ref(),
     ),
     measured(
@@ -321,7 +339,7 @@ pub(in super::super) const WORDS: [WordRow; WORD_ROWS] = [
         "output power, finer",
         "0.01",
         "kW",
-        Steps::Unsigned(100),
+        WordSteps::Unsigned(100),
         |it| it.power.as_ref(),
     ),
     state(26, "capabilities", CAPABILITIES, |unit, _| {
@@ -346,29 +364,29 @@ pub(in super::super) const WORDS: [WordRow; WORD_ROWS] = [
         address::SETPOINT,
         "frequency setpoint",
         HUNDREDTHS,
-        Uniform::setpoint,
+        UniformUnit::setpoint,
     )
     .written()
-    .where_it_has(Has::Control),
+    .where_it_has(Capability::Control),
     control(
         address::RENEW,
         "write any value: renew the lease; reads lease left",
         SECONDS,
-        Uniform::lease_left,
+        UniformUnit::lease_left,
     )
     .written(),
     control(
         259,
         "outcome of the drive's last command",
         OUTCOMES,
-        Uniform::last_outcome,
+        UniformUnit::last_outcome,
     ),
-    control(260, "commands", COUNT, Uniform::commands),
+    control(260, "commands", COUNT, UniformUnit::commands),
     control(
         261,
         "reason of the drive's last command",
-        Holds::Reason,
-        Uniform::last_reason,
+        RowContent::Reason,
+        UniformUnit::last_reason,
     ),
 ];
 

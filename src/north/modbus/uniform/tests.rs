@@ -5,11 +5,11 @@ use super::super::testing::{self, NOW};
 use super::*;
 use crate::domain::command::{Direction, Order, Outcome, Owner, Reason, Report, RunIntent};
 use crate::domain::control::{ControlAction, FailSafe};
-use crate::domain::fail_safe::{Cause, FailSafeRun};
+use crate::domain::fail_safe::{FailSafeCause, FailSafeRun};
 use crate::domain::ids::CommanderName;
 use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
-use crate::drive::snapshot::Presence;
+use crate::drive::snapshot::DrivePresence;
 use crate::drive::view::{ControlView, KeptTrips, RunState, TripRecord};
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
@@ -17,8 +17,8 @@ use std::sync::Arc;
 const CLIENT: Owner = Owner::ModbusTcp(IpAddr::V4(Ipv4Addr::new(10, 0, 0, 1)));
 const OTHER: Owner = Owner::ModbusTcp(IpAddr::V4(Ipv4Addr::new(10, 0, 0, 2)));
 
-fn present(now: MonoTime) -> Present {
-    Present {
+fn present(now: MonoTime) -> RequestContext {
+    RequestContext {
         now,
         uptime_s: 0x0001_0007,
         owner: CLIENT,
@@ -26,20 +26,25 @@ fn present(now: MonoTime) -> Present {
     }
 }
 
-fn unit() -> Uniform {
-    Uniform::new(&testing::description())
+fn unit() -> UniformUnit {
+    UniformUnit::new(&testing::description())
 }
 
-fn take(unit: &Uniform, pdu: &[u8], view: &DriveView, now: MonoTime) -> (Taken, Vec<u16>) {
-    let mut words = Words::default();
+fn take(
+    unit: &UniformUnit,
+    pdu: &[u8],
+    view: &DriveView,
+    now: MonoTime,
+) -> (RequestAction, Vec<u16>) {
+    let mut words = WordBuffer::default();
     let taken = unit.take(&parse(pdu).unwrap(), view, &present(now), &mut words);
     (taken, words.as_slice().to_vec())
 }
 
 #[track_caller]
-fn picture(unit: &Uniform, view: &DriveView, now: MonoTime) -> [u16; 32] {
+fn picture(unit: &UniformUnit, view: &DriveView, now: MonoTime) -> [u16; 32] {
     let (taken, words) = take(unit, &[4, 0, 0, 0, 32], view, now);
-    assert_eq!(taken, Taken::Words);
+    assert_eq!(taken, RequestAction::Words);
     assert_eq!(
         take(unit, &[3, 0, 0, 0, 32], view, now).1,
         words,
@@ -73,8 +78,8 @@ fn a_fresh_picture_has_every_word() {
 #[test]
 fn a_listener_shows_what_it_hears_and_says_that_it_listens() {
     let read = |standby, pdu: &[u8]| {
-        let mut words = Words::default();
-        let present = Present {
+        let mut words = WordBuffer::default();
+        let present = RequestContext {
             standby,
             ..present(NOW)
         };
@@ -98,7 +103,7 @@ fn a_listener_shows_what_it_hears_and_says_that_it_listens() {
         );
         assert_eq!(
             read(standby, &[2, 0, 13, 0, 1]).0,
-            Taken::Bits {
+            RequestAction::Bits {
                 bits: status >> 13,
                 count: 1
             }
@@ -136,7 +141,7 @@ fn a_drive_that_nobody_has_looked_at_reads_in_full() {
 #[test]
 fn a_drive_that_is_out_of_reach_is_offline() {
     let mut view = testing::view();
-    view.snapshot.presence = Presence::Offline;
+    view.snapshot.presence = DrivePresence::Offline;
     let words = picture(&unit(), &view, NOW);
     assert_eq!((words[1], words[2]), (0, 5), "nothing is known to run");
     let mut view = testing::view();
@@ -154,7 +159,7 @@ fn what_a_model_does_not_have_is_absent_and_not_reported() {
         .retain(|register| !register.access.can_read());
     description.model = Arc::new(model);
     description.control = None;
-    let words = picture(&Uniform::new(&description), &testing::view(), NOW);
+    let words = picture(&UniformUnit::new(&description), &testing::view(), NOW);
     #[rustfmt::skip]
     let right = [
         1, 0b11, 2, 0, ABSENT, ABSENT,
@@ -177,7 +182,7 @@ fn a_measurement_in_another_unit_is_absent() {
         }
     }
     description.model = Arc::new(model);
-    let words = picture(&Uniform::new(&description), &testing::view(), NOW);
+    let words = picture(&UniformUnit::new(&description), &testing::view(), NOW);
     assert_eq!((words[6], words[24]), (ABSENT, ABSENT));
 }
 
@@ -187,7 +192,7 @@ fn the_mask_holds_every_bit_that_can_be_set_without_control() {
         control: None,
         ..testing::description()
     };
-    let words = picture(&Uniform::new(&description), &testing::view(), NOW);
+    let words = picture(&UniformUnit::new(&description), &testing::view(), NOW);
     assert_eq!(
         words[15],
         bit::ONLINE | bit::RUNNING | bit::TRIPPED | bit::AT_SETPOINT | bit::STALE
@@ -333,14 +338,14 @@ fn a_warning_has_a_bit_that_only_drives_with_warnings_report() {
         .iter_mut()
         .find(|it| it.name == "run_hours")
         .unwrap();
-    register.role = Some(crate::profile::model::Role::WarningBits);
+    register.role = Some(crate::profile::model::RegisterRole::WarningBits);
     register.form.mask = 0x00F0;
     let address = register.address;
     description.model = Arc::new(model);
     let shown = |word, now| {
         let mut view = testing::view();
         view.snapshot.take(address, &[word], NOW);
-        let words = picture(&Uniform::new(&description), &view, now);
+        let words = picture(&UniformUnit::new(&description), &view, now);
         (words[1] & bit::WARNING, words[15] & bit::WARNING)
     };
     assert_eq!(shown(0x0010, NOW), (bit::WARNING, bit::WARNING));
@@ -359,7 +364,11 @@ fn control_is_shown_as_it_is() {
     let control = ControlView {
         start_inhibited: true,
         not_effective: true,
-        failsafe: Some(FailSafeRun::due(FailSafe::Stop, Cause::CommanderLost, NOW)),
+        failsafe: Some(FailSafeRun::due(
+            FailSafe::Stop,
+            FailSafeCause::CommanderLost,
+            NOW,
+        )),
         stop_pending: true,
         commands: 77,
         intent: RunIntent::Run(Direction::Reverse),
@@ -374,7 +383,7 @@ fn control_is_shown_as_it_is() {
     let refused = [Outcome::Refused.number(), 77, Reason::OtherOwner.number()];
     assert_eq!(
         (taken, words),
-        (Taken::Words, [&[2, 4250, 0][..], &refused].concat())
+        (RequestAction::Words, [&[2, 4250, 0][..], &refused].concat())
     );
     let (_, words) = take(&unit(), &[3, 1, 0, 0, 6], &testing::view(), NOW);
     assert_eq!(words, [0, ABSENT, 0, 0, 0, 0]);
@@ -424,7 +433,7 @@ fn capabilities_are_what_model_and_control_allow() {
         let mut settings = testing::settings();
         change(&mut settings);
         description.control = Some(Arc::new(settings));
-        picture(&Uniform::new(&description), &testing::view(), NOW)[26]
+        picture(&UniformUnit::new(&description), &testing::view(), NOW)[26]
     };
     let forward = capability::FORWARD;
     let reverse = capability::REVERSE;
@@ -453,7 +462,7 @@ fn limits_are_rounded_into_themselves() {
     settings.least = Hertz::from_millihertz(5_001);
     settings.most = Hertz::from_millihertz(50_009);
     description.control = Some(Arc::new(settings));
-    let words = picture(&Uniform::new(&description), &testing::view(), NOW);
+    let words = picture(&UniformUnit::new(&description), &testing::view(), NOW);
     assert_eq!((words[20], words[21]), (501, 5000));
 }
 
@@ -462,34 +471,34 @@ fn there_is_nothing_outside_of_the_map_and_no_partial_answer() {
     let unit = unit();
     let view = testing::view();
     for (pdu, right) in [
-        (&[3, 0, 39, 0, 1][..], Taken::Words),
-        (&[3, 1, 5, 0, 1], Taken::Words),
-        (&[3, 0, 39, 0, 2], Taken::Exception(2)),
-        (&[4, 0, 40, 0, 1], Taken::Exception(2)),
-        (&[4, 1, 0, 0, 1], Taken::Exception(2)),
-        (&[3, 0, 40, 0, 1], Taken::Exception(2)),
-        (&[3, 0, 255, 0, 2], Taken::Exception(2)),
-        (&[3, 1, 5, 0, 2], Taken::Exception(2)),
-        (&[3, 0xFF, 0xFF, 0, 1], Taken::Exception(2)),
+        (&[3, 0, 39, 0, 1][..], RequestAction::Words),
+        (&[3, 1, 5, 0, 1], RequestAction::Words),
+        (&[3, 0, 39, 0, 2], RequestAction::Exception(2)),
+        (&[4, 0, 40, 0, 1], RequestAction::Exception(2)),
+        (&[4, 1, 0, 0, 1], RequestAction::Exception(2)),
+        (&[3, 0, 40, 0, 1], RequestAction::Exception(2)),
+        (&[3, 0, 255, 0, 2], RequestAction::Exception(2)),
+        (&[3, 1, 5, 0, 2], RequestAction::Exception(2)),
+        (&[3, 0xFF, 0xFF, 0, 1], RequestAction::Exception(2)),
         (
             &[2, 0, 0, 0, 16],
-            Taken::Bits {
+            RequestAction::Bits {
                 bits: 0b0011_0011,
                 count: 16,
             },
         ),
         (
             &[2, 0, 4, 0, 2],
-            Taken::Bits {
+            RequestAction::Bits {
                 bits: 0b0011,
                 count: 2,
             },
         ),
-        (&[2, 0, 15, 0, 2], Taken::Exception(2)),
-        (&[2, 0xFF, 0xFF, 0, 1], Taken::Exception(2)),
-        (&[1, 0, 0, 0, 4], Taken::Bits { bits: 0, count: 4 }),
-        (&[1, 0, 0, 0, 5], Taken::Exception(2)),
-        (&[0x2B, 0x0E, 1, 0], Taken::Exception(1)),
+        (&[2, 0, 15, 0, 2], RequestAction::Exception(2)),
+        (&[2, 0xFF, 0xFF, 0, 1], RequestAction::Exception(2)),
+        (&[1, 0, 0, 0, 4], RequestAction::Bits { bits: 0, count: 4 }),
+        (&[1, 0, 0, 0, 5], RequestAction::Exception(2)),
+        (&[0x2B, 0x0E, 1, 0], RequestAction::Exception(1)),
     ] {
         assert_eq!(take(&unit, pdu, &view, NOW).0, right, "{pdu:?}");
     }
@@ -510,7 +519,7 @@ fn coils_read_back_the_direction_that_is_ordered() {
         });
         assert_eq!(
             take(&unit(), &[1, 0, 0, 0, 4], &view, NOW).0,
-            Taken::Bits { bits, count: 4 }
+            RequestAction::Bits { bits, count: 4 }
         );
     }
 }
@@ -531,13 +540,13 @@ fn a_write_is_an_order_where_there_is_control_and_never_allowed_elsewhere() {
         ..testing::description()
     };
     let with = unit();
-    let without = Uniform::new(&without);
+    let without = UniformUnit::new(&without);
     for pdu in WRITES {
-        let stop = Taken::Order(Order::Stop { setpoint: None });
+        let stop = RequestAction::Order(Order::Stop { setpoint: None });
         assert_eq!(take(&with, pdu, &testing::view(), NOW).0, stop, "{pdu:?}");
         assert_eq!(
             take(&without, pdu, &testing::view(), NOW).0,
-            Taken::Refused(Reason::ReadOnly),
+            RequestAction::Refused(Reason::ReadOnly),
             "{pdu:?}"
         );
         let ask = parse(pdu).unwrap();
@@ -556,7 +565,7 @@ fn a_write_that_cannot_also_read_orders_nothing() {
     let pdu = [0x17, 0, 40, 0, 1, 1, 0, 0, 1, 2, 0, 1];
     assert_eq!(
         take(&unit(), &pdu, &testing::view(), NOW).0,
-        Taken::Refused(Reason::NotListed)
+        RequestAction::Refused(Reason::NotListed)
     );
 }
 
@@ -564,7 +573,7 @@ fn a_write_that_cannot_also_read_orders_nothing() {
 fn a_write_that_orders_nothing_is_done_at_once() {
     assert_eq!(
         take(&unit(), &[5, 0, 3, 0, 0], &testing::view(), NOW).0,
-        Taken::Nothing
+        RequestAction::Nothing
     );
 }
 
@@ -572,7 +581,7 @@ fn a_write_that_orders_nothing_is_done_at_once() {
 fn what_the_drive_has_used_stands_in_two_words_each() {
     let (unit, present) = (
         unit(),
-        Present {
+        RequestContext {
             now: NOW,
             uptime_s: 0,
             owner: Owner::Mqtt,

@@ -1,10 +1,10 @@
 //! How the words of a uniform unit that are not measurements are read.
 
-use super::super::taken::Present;
+use super::super::taken::RequestContext;
 use super::column::{ABSENT, unsigned};
 use super::order::run_word;
 use super::table::row_at;
-use super::{Uniform, run, status};
+use super::{UniformUnit, run, status};
 use crate::domain::address::Address;
 use crate::domain::command::Owner;
 use crate::domain::time::MonoTime;
@@ -15,20 +15,20 @@ use std::time::Duration;
 const AGE_STEP_MS: u128 = 10;
 
 /// What a word is read from.
-pub(super) struct Look<'v> {
+pub(super) struct WordContext<'v> {
     pub(super) view: &'v DriveView,
-    pub(super) present: &'v Present,
+    pub(super) present: &'v RequestContext,
 }
 
-impl Uniform {
+impl UniformUnit {
     /// The holding register at `address`; `None` outside of the map.
     pub(in super::super) fn word(
         &self,
         address: u16,
         view: &DriveView,
-        present: &Present,
+        present: &RequestContext,
     ) -> Option<u16> {
-        Some(row_at(address)?.read(address, self, &Look { view, present }))
+        Some(row_at(address)?.read(address, self, &WordContext { view, present }))
     }
 
     /// Whether the word at `address` can ever hold anything but its mark of absence, with this drive.
@@ -44,12 +44,12 @@ impl Uniform {
     }
 
     /// Word 1.
-    pub(super) fn status_word(&self, look: &Look<'_>) -> u16 {
+    pub(super) fn status_word(&self, look: &WordContext<'_>) -> u16 {
         status::status(&self.sources, look.view, look.present)
     }
 
     /// Word 15.
-    pub(super) fn status_mask(&self, look: &Look<'_>) -> u16 {
+    pub(super) fn status_mask(&self, look: &WordContext<'_>) -> u16 {
         self.reported | look.present.standby.map_or(0, |_| status::bit::STANDBY)
     }
 
@@ -62,7 +62,7 @@ impl Uniform {
     }
 
     /// The vendor's number while a trip is active, 0 without one; absent if the number or the trip is not known.
-    pub(super) fn trip_code(&self, look: &Look<'_>) -> u16 {
+    pub(super) fn trip_code(&self, look: &WordContext<'_>) -> u16 {
         match status::is_tripped(look.view) {
             Some(false) => 0,
             Some(true) => {
@@ -75,7 +75,7 @@ impl Uniform {
     }
 
     /// It stays at 65534 rather than reading as absent or wrapping.
-    pub(super) fn trips_kept(&self, look: &Look<'_>) -> u16 {
+    pub(super) fn trips_kept(&self, look: &WordContext<'_>) -> u16 {
         if self.sources.has_trips {
             look.view.trip_kept.total.min(u32::from(ABSENT - 1)) as u16
         } else {
@@ -84,7 +84,7 @@ impl Uniform {
     }
 
     /// 0 without a trip; absent if its number could not be read.
-    pub(super) fn last_trip(&self, look: &Look<'_>) -> u16 {
+    pub(super) fn last_trip(&self, look: &WordContext<'_>) -> u16 {
         match look.view.trip_kept.last_code {
             None if self.sources.has_trips && look.view.trip_kept.total == 0 => 0,
             last => last.unwrap_or(ABSENT),
@@ -101,19 +101,19 @@ impl Uniform {
     }
 
     /// Words 18 and 258.
-    pub(super) fn lease_left(&self, look: &Look<'_>) -> u16 {
+    pub(super) fn lease_left(&self, look: &WordContext<'_>) -> u16 {
         self.lease(look.view, look.present.now)
             .map_or(0, |(_, left)| seconds_word(left))
     }
 
     /// Word 19.
-    pub(super) fn lease_owner(&self, look: &Look<'_>) -> u16 {
+    pub(super) fn lease_owner(&self, look: &WordContext<'_>) -> u16 {
         let lease = self.lease(look.view, look.present.now);
         lease.map_or(0, |(owner, _)| owner_class(owner, look.present.owner))
     }
 
     /// Word 257.
-    pub(super) fn setpoint(&self, look: &Look<'_>) -> u16 {
+    pub(super) fn setpoint(&self, look: &WordContext<'_>) -> u16 {
         let setpoint = self.control_of(look).and_then(|control| control.setpoint);
         setpoint
             .and_then(|setpoint| setpoint.centihertz())
@@ -121,7 +121,7 @@ impl Uniform {
     }
 
     /// Word 259.
-    pub(super) fn last_outcome(&self, look: &Look<'_>) -> u16 {
+    pub(super) fn last_outcome(&self, look: &WordContext<'_>) -> u16 {
         let last = self
             .control_of(look)
             .and_then(|control| control.last.as_ref());
@@ -129,19 +129,19 @@ impl Uniform {
     }
 
     /// Word 260.
-    pub(super) fn commands(&self, look: &Look<'_>) -> u16 {
+    pub(super) fn commands(&self, look: &WordContext<'_>) -> u16 {
         self.control_of(look).map_or(0, |control| control.commands)
     }
 
     /// Word 261.
-    pub(super) fn last_reason(&self, look: &Look<'_>) -> u16 {
+    pub(super) fn last_reason(&self, look: &WordContext<'_>) -> u16 {
         let last = self
             .control_of(look)
             .and_then(|control| control.last.as_ref());
         last.map_or(0, |report| report.reason.number())
     }
 
-    fn control_of<'v>(&self, look: &Look<'v>) -> Option<&'v ControlView> {
+    fn control_of<'v>(&self, look: &WordContext<'v>) -> Option<&'v ControlView> {
         if self.has_control() {
             look.view.control.as_ref()
         } else {
@@ -151,7 +151,7 @@ impl Uniform {
 }
 
 /// Word 16: seconds since start, wrapping, so that a client sees that the gateway is alive.
-pub(super) const fn life(present: &Present) -> u16 {
+pub(super) const fn life(present: &RequestContext) -> u16 {
     (present.uptime_s & 0xFFFF) as u16
 }
 

@@ -3,13 +3,13 @@
 
 use super::control::WITH_MOMENT;
 use super::drive::RUNNING;
-use super::entity::{Component, Entity, Needs};
+use super::entity::{DiscoveryEntity, EntityComponent, EntityNeeds};
 use crate::domain::control::ControlSettings;
 use crate::drive::description::DriveDescription;
-use crate::north::mqtt::topics::Topics;
-use crate::north::mqtt::types::Combined;
+use crate::north::mqtt::topics::MqttTopics;
+use crate::north::mqtt::types::CombinedEntity;
 use crate::north::shown::capabilities;
-use crate::profile::model::Role;
+use crate::profile::model::RegisterRole;
 
 /// What may keep a start from its effect, and who commands.
 const HINDRANCES: &str = "{% set control = value_json.control if value else None %}\
@@ -26,10 +26,10 @@ const FAN_DIRECTION: &str = "{{ value if is_state(entity_id, 'on') else '' }}";
 
 /// The `wanted` combined entities of `drive`; empty if it takes no run command over MQTT.
 pub(super) fn entities(
-    topics: &Topics,
+    topics: &MqttTopics,
     drive: &DriveDescription,
-    wanted: &[Combined],
-) -> Vec<Entity> {
+    wanted: &[CombinedEntity],
+) -> Vec<DiscoveryEntity> {
     let Some(control) = drive.control.as_deref().filter(|control| control.from_mqtt) else {
         return Vec::new();
     };
@@ -38,8 +38,8 @@ pub(super) fn entities(
         return Vec::new();
     }
     let made = wanted.iter().filter_map(|kind| match kind {
-        Combined::Switch => switch(topics, drive, control),
-        Combined::Fan => fan(topics, drive, control, can.contains(&"reverse")),
+        CombinedEntity::Switch => switch(topics, drive, control),
+        CombinedEntity::Fan => fan(topics, drive, control, can.contains(&"reverse")),
     });
     let state = topics.drive(drive.name.as_str(), "state");
     made.map(|entity| {
@@ -52,13 +52,22 @@ pub(super) fn entities(
 
 /// `None` for a drive that accepts only orders with their time: releases of Home Assistant in use send a switch's words as
 /// they are.
-fn switch(topics: &Topics, drive: &DriveDescription, control: &ControlSettings) -> Option<Entity> {
+fn switch(
+    topics: &MqttTopics,
+    drive: &DriveDescription,
+    control: &ControlSettings,
+) -> Option<DiscoveryEntity> {
     if control.strict {
         return None;
     }
     let topic = |rest: &str| topics.drive(drive.name.as_str(), rest);
-    let switch =
-        Entity::new(Component::Switch, "run_switch", "Run", Needs::Drive).icon("mdi:engine");
+    let switch = DiscoveryEntity::new(
+        EntityComponent::Switch,
+        "run_switch",
+        "Run",
+        EntityNeeds::Drive,
+    )
+    .icon("mdi:engine");
     let switch = switch
         .made_of(topic("run/state"), RUNNING)
         .with("state_on", "True")
@@ -71,18 +80,19 @@ fn switch(topics: &Topics, drive: &DriveDescription, control: &ControlSettings) 
 
 /// `None` if there is no setpoint to choose.
 fn fan(
-    topics: &Topics,
+    topics: &MqttTopics,
     drive: &DriveDescription,
     control: &ControlSettings,
     reverses: bool,
-) -> Option<Entity> {
+) -> Option<DiscoveryEntity> {
     let (least, most) = (control.least.as_f64(), control.most.as_f64());
-    drive.model.register_for(Role::FrequencyCommand)?;
+    drive.model.register_for(RegisterRole::FrequencyCommand)?;
     if least >= most {
         return None;
     }
     let topic = |rest: &str| topics.drive(drive.name.as_str(), rest);
-    let fan = Entity::new(Component::Fan, "fan", "Fan", Needs::Drive).icon("mdi:fan");
+    let fan = DiscoveryEntity::new(EntityComponent::Fan, "fan", "Fan", EntityNeeds::Drive)
+        .icon("mdi:fan");
     let fan = fan
         .with("state_topic", topic("run/state"))
         .with("state_value_template", FAN_STATE);
@@ -123,12 +133,12 @@ fn fan(
 /// `entity`, whose run commands under `key` are what `template` makes of the value: with the time at which they were ordered
 /// for drives that accept no other.
 fn ordering(
-    entity: Entity,
+    entity: DiscoveryEntity,
     key: &str,
     topic: &dyn Fn(&str) -> String,
     control: &ControlSettings,
     template: &str,
-) -> Entity {
+) -> DiscoveryEntity {
     let to = if control.strict { "command" } else { "run/set" };
     let entity = entity.with(&format!("{key}_topic"), topic(to));
     let template = if control.strict {

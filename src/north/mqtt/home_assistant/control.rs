@@ -1,19 +1,19 @@
 //! How a drive is commanded from Home Assistant: only if commands over MQTT are accepted, and only what is allowed.
 
-use super::entity::{Component, Entity, Needs};
+use super::entity::{DiscoveryEntity, EntityComponent, EntityNeeds};
 use crate::domain::command::Outcome;
 use crate::domain::control::ControlSettings;
 use crate::drive::description::DriveDescription;
-use crate::north::mqtt::topics::Topics;
+use crate::north::mqtt::topics::MqttTopics;
 use crate::north::shown::capabilities;
-use crate::profile::model::Role;
+use crate::profile::model::RegisterRole;
 
 /// RUN carries the time at which it was ordered, for drives that accept no other.
 pub(super) const WITH_MOMENT: &str =
     r#"{"run": "{{ value }}", "issued_at": {{ (now().timestamp() * 1000) | int }}}"#;
 
 /// Inputs of `drive` and the outcome of its last command; empty if commands over MQTT are not accepted.
-pub(super) fn entities(topics: &Topics, drive: &DriveDescription) -> Vec<Entity> {
+pub(super) fn entities(topics: &MqttTopics, drive: &DriveDescription) -> Vec<DiscoveryEntity> {
     let Some(control) = drive.control.as_deref().filter(|control| control.from_mqtt) else {
         return Vec::new();
     };
@@ -25,7 +25,7 @@ pub(super) fn entities(topics: &Topics, drive: &DriveDescription) -> Vec<Entity>
         ("reverse", "Reverse", "mdi:rotate-left"),
     ] {
         if can.contains(&run) {
-            let button = button(run, name, Needs::Drive, run).icon(icon);
+            let button = button(run, name, EntityNeeds::Drive, run).icon(icon);
             entities.push(if control.strict {
                 button
                     .with("command_topic", topic("command"))
@@ -41,22 +41,23 @@ pub(super) fn entities(topics: &Topics, drive: &DriveDescription) -> Vec<Entity>
     ] {
         if can.contains(&run) {
             // A stop is accepted, and kept, also for a drive that does not answer. And it may arrive late.
-            let button = button(run, name, Needs::Gateway, run)
+            let button = button(run, name, EntityNeeds::Gateway, run)
                 .icon(icon)
                 .with("qos", 1);
             entities.push(button.with("command_topic", topic("run/set")));
         }
     }
     if can.contains(&"reset") {
-        let reset = button("reset", "Reset trip", Needs::Drive, "reset").icon("mdi:restart-alert");
+        let reset =
+            button("reset", "Reset trip", EntityNeeds::Drive, "reset").icon("mdi:restart-alert");
         entities.push(reset.with("command_topic", topic("trip/reset")));
     }
     entities.extend(last_command(&topic("result")));
     entities
 }
 
-fn button(key: &str, name: &str, needs: Needs, payload: &str) -> Entity {
-    Entity::new(Component::Button, key, name, needs).with("payload_press", payload)
+fn button(key: &str, name: &str, needs: EntityNeeds, payload: &str) -> DiscoveryEntity {
+    DiscoveryEntity::new(EntityComponent::Button, key, name, needs).with("payload_press", payload)
 }
 
 /// The setpoint within its limits. A setpoint of the drive that lies outside is shown by the sensor only: here it would
@@ -65,10 +66,10 @@ fn setpoint(
     drive: &DriveDescription,
     control: &ControlSettings,
     topic: &dyn Fn(&str) -> String,
-) -> Option<Entity> {
+) -> Option<DiscoveryEntity> {
     let least = control.least.as_f64();
     let most = control.most.as_f64();
-    let command = drive.model.register_for(Role::FrequencyCommand)?;
+    let command = drive.model.register_for(RegisterRole::FrequencyCommand)?;
     let scale = if command.is_exact() {
         command.scale
     } else {
@@ -78,11 +79,11 @@ fn setpoint(
         return None;
     }
     let template = format!("{{{{ value if {least} <= (value | float(-1)) <= {most} else None }}}}");
-    let number = Entity::new(
-        Component::Number,
+    let number = DiscoveryEntity::new(
+        EntityComponent::Number,
         "set_frequency",
         "Set frequency",
-        Needs::Drive,
+        EntityNeeds::Drive,
     );
     let number = number
         .made_of(topic("frequency/setpoint"), template)
@@ -96,12 +97,15 @@ fn setpoint(
 }
 
 /// The result is not retained by the broker: both are unknown until there is one.
-fn last_command(topic: &str) -> [Entity; 2] {
+fn last_command(topic: &str) -> [DiscoveryEntity; 2] {
     let sensor = |key: &str, name: &str, template: &str| {
-        let entity = Entity::new(Component::Sensor, key, name, Needs::Gateway);
+        let entity = DiscoveryEntity::new(EntityComponent::Sensor, key, name, EntityNeeds::Gateway);
         entity.made_of(topic.to_owned(), template).diagnostic()
     };
-    let words: Vec<_> = Outcome::ALL.iter().map(|outcome| outcome.word()).collect();
+    let words: Vec<_> = Outcome::ALL
+        .iter()
+        .map(|outcome| outcome.keyword())
+        .collect();
     [
         sensor("last_command", "Last command", "{{ value_json.outcome }}")
             .class("enum")

@@ -1,16 +1,16 @@
 //! Content of announcements: of one drive of each kind in full, and what must hold for those of every model.
 
-use super::entity::Component;
-use super::plant::Plant;
+use super::entity::EntityComponent;
+use super::plant::DiscoveryPlant;
 use crate::domain::command::Direction;
 use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::ids::Name;
-use crate::drive::description::{DriveDescription, Points, Ratings};
-use crate::north::broker::Version;
+use crate::drive::description::{DriveDescription, DriveRatings, PointSettings};
+use crate::north::broker::MqttVersion;
 use crate::north::mqtt::harness::{drives, name, settings};
 use crate::north::mqtt::payload::{self, InputRequest};
-use crate::north::mqtt::topics::{Inbound, Topics};
-use crate::north::mqtt::types::{Combined, HomeAssistant, Settings};
+use crate::north::mqtt::topics::{MqttInbound, MqttTopics};
+use crate::north::mqtt::types::{CombinedEntity, HomeAssistant, Settings};
 use crate::profile::catalog::Catalog;
 use crate::vendors;
 use serde_json::{Map, Value};
@@ -21,12 +21,12 @@ fn speaking(devices: bool) -> Settings {
         discovery: true,
         prefix: "homeassistant".into(),
         devices,
-        combined: vec![Combined::Switch, Combined::Fan],
+        combined: vec![CombinedEntity::Switch, CombinedEntity::Fan],
         page: Some("https://192.0.2.5:8443".into()),
     });
     Settings {
         home_assistant,
-        ..settings(Version::V5)
+        ..settings(MqttVersion::V5)
     }
 }
 
@@ -66,8 +66,8 @@ fn all() -> ControlSettings {
 fn announced(devices: bool, drives: &[DriveDescription]) -> Map<String, Value> {
     let settings = speaking(devices);
     let lines = [name("hall")];
-    let topics = Topics::new(&settings);
-    let plant = Plant::of(&settings, &topics, &lines, drives).unwrap();
+    let topics = MqttTopics::new(&settings);
+    let plant = DiscoveryPlant::of(&settings, &topics, &lines, drives).unwrap();
     let mut announced = Map::new();
     for device in (0..).take_while(|device| plant.has_device(*device)) {
         let each = (0..).map_while(|entity| plant.announcement((device, entity)));
@@ -107,7 +107,7 @@ fn a_gateway_with_a_line() {
 
 #[test]
 fn a_drive_that_is_only_read() {
-    let ratings = Ratings {
+    let ratings = DriveRatings {
         current_ma: Some(10_000),
         voltage_mv: Some(400_000),
     };
@@ -190,7 +190,7 @@ fn nothing_commands_a_drive_that_takes_no_command_from_here() {
 
 #[test]
 fn what_is_pressed_is_what_the_topics_take() {
-    let topics = Topics::new(&speaking(false));
+    let topics = MqttTopics::new(&speaking(false));
     let mut pressed = 0;
     for drive in every_drive() {
         let model = drive.model.clone();
@@ -204,7 +204,7 @@ fn what_is_pressed_is_what_the_topics_take() {
             if matches!(component.as_str(), "switch" | "fan") {
                 continue;
             }
-            let Some(Inbound::Drive(place)) = topics.parse(topic) else {
+            let Some(MqttInbound::Drive(place)) = topics.parse(topic) else {
                 panic!("{topic}")
             };
             let payload = match (component.as_str(), document.get("command_template")) {
@@ -385,7 +385,7 @@ fn a_setpoint_that_cannot_be_chosen_is_no_number() {
     assert!(
         fixed
             .iter()
-            .all(|(component, ..)| component != Component::Number.word())
+            .all(|(component, ..)| component != EntityComponent::Number.keyword())
     );
     assert!(fixed.iter().any(|(_, key, _)| key == "forward"));
 }
@@ -393,9 +393,9 @@ fn a_setpoint_that_cannot_be_chosen_is_no_number() {
 #[test]
 fn a_value_is_shown_with_as_many_decimals_as_are_published() {
     let precision = |decimals| {
-        let points = Points {
+        let points = PointSettings {
             decimals,
-            ..Points::default()
+            ..PointSettings::default()
         };
         let all = entities(DriveDescription {
             points,
@@ -414,9 +414,9 @@ fn a_value_is_shown_with_as_many_decimals_as_are_published() {
 #[test]
 fn lines_are_shown_by_their_names() {
     let settings = speaking(false);
-    let topics = Topics::new(&settings);
+    let topics = MqttTopics::new(&settings);
     let lines = ["a_b", "a.b"].map(|it| Name::new(it).unwrap());
-    let plant = Plant::of(&settings, &topics, &lines, &[]).unwrap();
+    let plant = DiscoveryPlant::of(&settings, &topics, &lines, &[]).unwrap();
     let each: Vec<_> = (0..)
         .map_while(|entity| plant.announcement((0, entity)))
         .map(|(topic, _)| topic)

@@ -1,15 +1,15 @@
 //! What a drive shows in Home Assistant: a sensor for each topic with a value, and more from its state.
 
-use super::entity::{Component, Entity, Needs, json_at, title};
+use super::entity::{DiscoveryEntity, EntityComponent, EntityNeeds, json_at, title};
 use super::{combined, control};
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
-use crate::drive::rated::Rated;
+use crate::drive::rated::RatedConversion;
 use crate::drive::usage::UsagePart;
-use crate::north::mqtt::kinds::{Kind, kinds};
-use crate::north::mqtt::topics::Topics;
-use crate::north::mqtt::types::Combined;
-use crate::profile::model::{Flag, Model, Register, Role};
+use crate::north::mqtt::kinds::{TopicKind, kinds};
+use crate::north::mqtt::topics::MqttTopics;
+use crate::north::mqtt::types::CombinedEntity;
+use crate::profile::model::{IndicatedState, Model, Register, RegisterRole};
 
 const RUN_STATES: [&str; 7] = [
     "unknown", "stopped", "forward", "reverse", "running", "stopping", "tripped",
@@ -27,10 +27,10 @@ const TRIP_EVENT: &str = "{{ dict(value_json, event_type=value_json.kind) | to_j
 
 /// The entities of `drive`, in the order in which they are announced.
 pub(super) fn entities(
-    topics: &Topics,
+    topics: &MqttTopics,
     drive: &DriveDescription,
-    combined: &[Combined],
-) -> Vec<Entity> {
+    combined: &[CombinedEntity],
+) -> Vec<DiscoveryEntity> {
     let topic = |rest: &str| topics.drive(drive.name.as_str(), rest);
     let mut entities = vec![connected(topic("availability"))];
     for (kind, rest) in kinds(drive) {
@@ -38,7 +38,8 @@ pub(super) fn entities(
     }
     entities.extend(told_by_state(drive, &topic("state")));
     if drive.model.trip_register().is_some() {
-        let event = Entity::new(Component::Event, "trip", "Trip", Needs::Drive);
+        let event =
+            DiscoveryEntity::new(EntityComponent::Event, "trip", "Trip", EntityNeeds::Drive);
         let event = event
             .made_of(topic("trip/event"), TRIP_EVENT)
             .icon("mdi:alert-octagon");
@@ -53,12 +54,12 @@ pub(super) fn entities(
     entities
 }
 
-fn connected(topic: String) -> Entity {
-    let entity = Entity::new(
-        Component::BinarySensor,
+fn connected(topic: String) -> DiscoveryEntity {
+    let entity = DiscoveryEntity::new(
+        EntityComponent::BinarySensor,
         "connected",
         "Connected",
-        Needs::Gateway,
+        EntityNeeds::Gateway,
     );
     entity
         .showing(topic)
@@ -68,90 +69,93 @@ fn connected(topic: String) -> Entity {
 }
 
 /// The content of the topic that shows `kind`.
-fn shown(drive: &DriveDescription, kind: Kind, rest: &str, topic: String) -> Vec<Entity> {
+fn shown(
+    drive: &DriveDescription,
+    kind: TopicKind,
+    rest: &str,
+    topic: String,
+) -> Vec<DiscoveryEntity> {
     let model = &drive.model;
-    let sensor = |key: &str, name: &str| Entity::new(Component::Sensor, key, name, Needs::Drive);
+    let sensor = |key: &str, name: &str| {
+        DiscoveryEntity::new(EntityComponent::Sensor, key, name, EntityNeeds::Drive)
+    };
+    let problem = |key: &str, name: &str, topic: String| {
+        let needs = EntityNeeds::Drive;
+        DiscoveryEntity::new(EntityComponent::BinarySensor, key, name, needs)
+            .showing(topic)
+            .words("true", "false")
+            .class("problem")
+    };
     let tells_trips = model.trip_register().is_some();
     match kind {
-        Kind::RunState => run_state(&topic).into(),
-        Kind::Polled(place) => model
+        TopicKind::RunState => run_state(&topic).into(),
+        TopicKind::Polled(place) => model
             .registers
             .get(place)
             .map(|it| measured(drive, it, rest, topic))
             .into_iter()
             .collect(),
-        Kind::Rated(place) => {
+        TopicKind::Rated(place) => {
             let unit = model
                 .registers
                 .get(place)
-                .and_then(|it| Rated::of(it, &drive.ratings))
+                .and_then(|it| RatedConversion::of(it, &drive.ratings))
                 .map(|it| it.unit);
             unit.map(|unit| value(rest, topic, unit, Some(2)))
                 .into_iter()
                 .collect()
         }
-        Kind::Setpoint => vec![value(rest, topic, UnitOfMeasure::Hertz, None)],
-        Kind::TripActive if tells_trips => {
-            let problem = Entity::new(Component::BinarySensor, "tripped", "Tripped", Needs::Drive);
-            vec![
-                problem
-                    .showing(topic)
-                    .words("true", "false")
-                    .class("problem"),
-            ]
+        TopicKind::Setpoint => vec![value(rest, topic, UnitOfMeasure::Hertz, None)],
+        TopicKind::TripActive if tells_trips => {
+            vec![problem("tripped", "Tripped", topic)]
         }
-        Kind::TripCode if tells_trips => {
+        TopicKind::TripCode if tells_trips => {
             vec![sensor("trip_code", "Trip code").telling(topic).diagnostic()]
         }
-        Kind::TripText if tells_trips => {
+        TopicKind::TripText if tells_trips => {
             vec![sensor("trip_text", "Trip text").telling(topic).diagnostic()]
         }
-        Kind::TripCount if model.register_for(Role::TripCount).is_some() => {
+        TopicKind::TripCount if model.register_for(RegisterRole::TripCount).is_some() => {
             let count = sensor("trip_count", "Trips").showing(topic).diagnostic();
             vec![count.with("state_class", "total_increasing")]
         }
-        Kind::WarningActive => {
-            let warning = Entity::new(Component::BinarySensor, "warning", "Warning", Needs::Drive);
-            vec![
-                warning
-                    .showing(topic)
-                    .words("true", "false")
-                    .class("problem")
-                    .diagnostic(),
-            ]
+        TopicKind::WarningActive => {
+            vec![problem("warning", "Warning", topic).diagnostic()]
         }
-        Kind::WarningCode => vec![
+        TopicKind::WarningCode => vec![
             sensor("warning_code", "Warning code")
                 .telling(topic)
                 .diagnostic(),
         ],
-        Kind::WarningText => vec![
+        TopicKind::WarningText => vec![
             sensor("warning_text", "Warning text")
                 .telling(topic)
                 .diagnostic(),
         ],
-        Kind::Usage(part) => vec![used(part, topic)],
+        TopicKind::Usage(part) => vec![used(part, topic)],
         // The event shows it, the state shows the owner of control, and a parameter is read by those who know it.
-        Kind::TripActive | Kind::TripCode | Kind::TripText | Kind::TripCount | Kind::TripLast => {
-            Vec::new()
-        }
-        Kind::Availability | Kind::Owner | Kind::Param(_) => Vec::new(),
+        TopicKind::TripActive
+        | TopicKind::TripCode
+        | TopicKind::TripText
+        | TopicKind::TripCount
+        | TopicKind::TripLast => Vec::new(),
+        TopicKind::Availability | TopicKind::Owner | TopicKind::Param(_) => Vec::new(),
     }
 }
 
 /// A sum of what the drive has used. It is known while the drive is off, too.
-fn used(part: UsagePart, topic: String) -> Entity {
+fn used(part: UsagePart, topic: String) -> DiscoveryEntity {
     let (name, decimals, icon) = match part {
         UsagePart::Energy => ("Energy used", Some(2), None),
         UsagePart::RunningHours => ("Running hours", Some(1), None),
         UsagePart::Starts => ("Starts", None, Some("mdi:counter")),
         UsagePart::Trips => ("Trips in total", None, Some("mdi:counter")),
     };
-    let entity = Entity::new(
-        Component::Sensor,
-        format!("usage_{}", part.word()),
+    let entity = DiscoveryEntity::new(
+        EntityComponent::Sensor,
+        format!("usage_{}", part.keyword()),
         name,
-        Needs::Gateway,
+        EntityNeeds::Gateway,
     );
     let entity = entity
         .showing(topic)
@@ -160,9 +164,19 @@ fn used(part: UsagePart, topic: String) -> Entity {
     icon.map_or(entity.clone(), |icon| entity.icon(icon))
 }
 
-fn run_state(topic: &str) -> [Entity; 2] {
-    let state = Entity::new(Component::Sensor, "run_state", "Run state", Needs::Drive);
-    let running = Entity::new(Component::BinarySensor, "running", "Running", Needs::Drive);
+fn run_state(topic: &str) -> [DiscoveryEntity; 2] {
+    let state = DiscoveryEntity::new(
+        EntityComponent::Sensor,
+        "run_state",
+        "Run state",
+        EntityNeeds::Drive,
+    );
+    let running = DiscoveryEntity::new(
+        EntityComponent::BinarySensor,
+        "running",
+        "Running",
+        EntityNeeds::Drive,
+    );
     [
         state
             .telling(topic.to_owned())
@@ -177,7 +191,12 @@ fn run_state(topic: &str) -> [Entity; 2] {
 }
 
 /// A polled register. One that holds codes or bits is for experts.
-fn measured(drive: &DriveDescription, register: &Register, rest: &str, topic: String) -> Entity {
+fn measured(
+    drive: &DriveDescription,
+    register: &Register,
+    rest: &str,
+    topic: String,
+) -> DiscoveryEntity {
     let digits = register.scale.ilog10();
     let is_decimal =
         10_u32.checked_pow(digits) == Some(register.scale) || !register.form.is_plain();
@@ -185,7 +204,7 @@ fn measured(drive: &DriveDescription, register: &Register, rest: &str, topic: St
     let decimals = drive.points.decimals_of(register).map(u32::from).or(exact);
     let entity = value(rest, topic, register.unit, decimals);
     match register.role {
-        Some(Role::RunHours) => entity.with("state_class", "total_increasing"),
+        Some(RegisterRole::RunHours) => entity.with("state_class", "total_increasing"),
         _ if counts_energy(register.unit) => entity.with("state_class", "total_increasing"),
         _ if register.name.starts_with("rated_") => entity.diagnostic(),
         _ => entity,
@@ -201,7 +220,7 @@ const fn counts_energy(unit: UnitOfMeasure) -> bool {
 }
 
 /// A value on the topic `rest` below the drive's.
-fn value(rest: &str, topic: String, unit: UnitOfMeasure, decimals: Option<u32>) -> Entity {
+fn value(rest: &str, topic: String, unit: UnitOfMeasure, decimals: Option<u32>) -> DiscoveryEntity {
     let (key, name) = match rest {
         "frequency/output" => ("output_frequency".to_owned(), "Output frequency".to_owned()),
         "frequency/setpoint" => ("setpoint".to_owned(), "Setpoint".to_owned()),
@@ -210,7 +229,7 @@ fn value(rest: &str, topic: String, unit: UnitOfMeasure, decimals: Option<u32>) 
             (format!("measure_{name}"), title(name))
         }
     };
-    let entity = Entity::new(Component::Sensor, key, name, Needs::Drive);
+    let entity = DiscoveryEntity::new(EntityComponent::Sensor, key, name, EntityNeeds::Drive);
     match unit {
         UnitOfMeasure::None => entity
             .telling(topic)
@@ -224,25 +243,31 @@ fn value(rest: &str, topic: String, unit: UnitOfMeasure, decimals: Option<u32>) 
 }
 
 /// What only the drive's JSON document shows.
-fn told_by_state(drive: &DriveDescription, topic: &str) -> Vec<Entity> {
+fn told_by_state(drive: &DriveDescription, topic: &str) -> Vec<DiscoveryEntity> {
     let sensor = |key: &str, name: &str, template: String| {
-        let entity = Entity::new(Component::BinarySensor, key, name, Needs::Drive);
+        let entity =
+            DiscoveryEntity::new(EntityComponent::BinarySensor, key, name, EntityNeeds::Drive);
         entity
             .made_of(topic.to_owned(), template)
             .words("True", "False")
             .diagnostic()
     };
     // It is about a drive that is not there.
-    let unseen = Entity::new(
-        Component::BinarySensor,
+    let unseen = DiscoveryEntity::new(
+        EntityComponent::BinarySensor,
         "may_still_run",
         "May still run",
-        Needs::Gateway,
+        EntityNeeds::Gateway,
     );
     let unseen = unseen
         .made_of(topic.to_owned(), json_at("may_still_run"))
         .words("True", "False");
-    let last_seen = Entity::new(Component::Sensor, "last_seen", "Last seen", Needs::Gateway);
+    let last_seen = DiscoveryEntity::new(
+        EntityComponent::Sensor,
+        "last_seen",
+        "Last seen",
+        EntityNeeds::Gateway,
+    );
     let mut entities = vec![
         unseen.class("problem"),
         last_seen
@@ -250,13 +275,16 @@ fn told_by_state(drive: &DriveDescription, topic: &str) -> Vec<Entity> {
             .diagnostic()
             .icon("mdi:eye-off"),
     ];
-    if has(&drive.model, &[Flag::BusRun, Flag::BusFrequency]) {
+    if has(
+        &drive.model,
+        &[IndicatedState::BusRun, IndicatedState::BusFrequency],
+    ) {
         entities.push(sensor("local", "Local control", json_at("local")));
     }
-    if has(&drive.model, &[Flag::Alarm]) {
+    if has(&drive.model, &[IndicatedState::Alarm]) {
         entities.push(sensor("alarm", "Alarm of the drive", json_at("alarm")).class("problem"));
     }
-    if has(&drive.model, &[Flag::Ready]) {
+    if has(&drive.model, &[IndicatedState::Ready]) {
         entities.push(sensor("ready", "Ready", json_at("ready")));
     }
     if drive.model.watchdog.is_some() {
@@ -271,7 +299,12 @@ fn told_by_state(drive: &DriveDescription, topic: &str) -> Vec<Entity> {
         entities.push(control("failsafe", "Fail-safe action").class("problem"));
         entities.push(control("output_outside", "Output outside limits").class("problem"));
         entities.push(control("stopped_elsewhere", "Stopped elsewhere").class("problem"));
-        let owner = Entity::new(Component::Sensor, "owner", "Control held by", Needs::Drive);
+        let owner = DiscoveryEntity::new(
+            EntityComponent::Sensor,
+            "owner",
+            "Control held by",
+            EntityNeeds::Drive,
+        );
         entities.push(
             owner
                 .made_of(topic.to_owned(), OWNER)
@@ -282,6 +315,6 @@ fn told_by_state(drive: &DriveDescription, topic: &str) -> Vec<Entity> {
     entities
 }
 
-fn has(model: &Model, flags: &[Flag]) -> bool {
+fn has(model: &Model, flags: &[IndicatedState]) -> bool {
     flags.iter().any(|flag| model.status_flag(*flag).is_some())
 }

@@ -5,7 +5,7 @@ use serde_json::{Map, Value};
 
 /// A kind of entity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Component {
+pub(super) enum EntityComponent {
     Sensor,
     BinarySensor,
     Number,
@@ -15,9 +15,9 @@ pub(super) enum Component {
     Fan,
 }
 
-impl Component {
+impl EntityComponent {
     /// The word as used in topics.
-    pub(super) const fn word(self) -> &'static str {
+    pub(super) const fn keyword(self) -> &'static str {
         match self {
             Self::Sensor => "sensor",
             Self::BinarySensor => "binary_sensor",
@@ -32,7 +32,7 @@ impl Component {
 
 /// What must be online for an entity to be available.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Needs {
+pub(super) enum EntityNeeds {
     /// Nothing: it shows whether something is online.
     Nothing,
     /// The gateway.
@@ -43,11 +43,11 @@ pub(super) enum Needs {
 
 /// One entity.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Entity {
-    pub(super) component: Component,
+pub(super) struct DiscoveryEntity {
+    pub(super) component: EntityComponent,
     /// Distinguishes it from others of its device; begins with a letter.
     pub(super) key: String,
-    pub(super) needs: Needs,
+    pub(super) needs: EntityNeeds,
     /// Everything that is its own.
     pub(super) config: Map<String, Value>,
 }
@@ -56,12 +56,12 @@ pub(super) struct Entity {
 const NUMBER: &str = "{{ value or None }}";
 const TEXT: &str = "{{ value or 'unknown' }}";
 
-impl Entity {
+impl DiscoveryEntity {
     pub(super) fn new(
-        component: Component,
+        component: EntityComponent,
         key: impl Into<String>,
         name: impl Into<String>,
-        needs: Needs,
+        needs: EntityNeeds,
     ) -> Self {
         let config = Map::from_iter([("name".to_owned(), Value::from(name.into()))]);
         Self {

@@ -1,25 +1,30 @@
 //! What the gateway shows of itself and its lines in Home Assistant.
 
-use super::entity::{Component, Entity, Needs};
+use super::entity::{DiscoveryEntity, EntityComponent, EntityNeeds};
 use super::ids;
 use crate::domain::ids::Name;
-use crate::north::mqtt::topics::Topics;
+use crate::north::mqtt::topics::MqttTopics;
 
 const IS_UP: &str = "{{ value == 'up' if value else None }}";
 
 /// The entities of the gateway with these lines.
-pub(super) fn entities(topics: &Topics, lines: &[Name]) -> Vec<Entity> {
-    let connected = Entity::new(
-        Component::BinarySensor,
+pub(super) fn entities(topics: &MqttTopics, lines: &[Name]) -> Vec<DiscoveryEntity> {
+    let connected = DiscoveryEntity::new(
+        EntityComponent::BinarySensor,
         "connected",
         "Connected",
-        Needs::Nothing,
+        EntityNeeds::Nothing,
     );
     let connected = connected
         .showing(topics.gateway("status"))
         .words("online", "offline")
         .class("connectivity");
-    let version = Entity::new(Component::Sensor, "version", "Version", Needs::Gateway);
+    let version = DiscoveryEntity::new(
+        EntityComponent::Sensor,
+        "version",
+        "Version",
+        EntityNeeds::Gateway,
+    );
     let version = version.made_of(
         topics.gateway("info"),
         "{{ value_json.version if value else 'unknown' }}",
@@ -30,16 +35,26 @@ pub(super) fn entities(topics: &Topics, lines: &[Name]) -> Vec<Entity> {
         .collect()
 }
 
-fn line(topics: &Topics, name: &Name) -> Vec<Entity> {
+fn line(topics: &MqttTopics, name: &Name) -> Vec<DiscoveryEntity> {
     let topic = || topics.line(name.as_str(), "status");
     let entity = |component, key, title: String| {
-        Entity::new(component, ids::of_line(name, key), title, Needs::Gateway).diagnostic()
+        DiscoveryEntity::new(
+            component,
+            ids::of_line(name, key),
+            title,
+            EntityNeeds::Gateway,
+        )
+        .diagnostic()
     };
-    let up = entity(Component::BinarySensor, "up", format!("Line {name}"));
-    let status = entity(Component::Sensor, "status", format!("Line {name} status"));
+    let up = entity(EntityComponent::BinarySensor, "up", format!("Line {name}"));
+    let status = entity(
+        EntityComponent::Sensor,
+        "status",
+        format!("Line {name} status"),
+    );
     let active = topics.half().map(|_| {
         let active = entity(
-            Component::Sensor,
+            EntityComponent::Sensor,
             "active",
             format!("Line {name} active gateway"),
         );

@@ -1,7 +1,7 @@
 //! Discovery by Home Assistant: the gateway's entities are announced, again when Home Assistant is born, and taken back
 //! when they are removed.
 //!
-//! [`Plant`] makes the announcements, [`Discovery`] decides which one is sent next. It keeps no announcement, only its
+//! [`DiscoveryPlant`] makes the announcements, [`DiscoveryWalk`] decides which one is sent next. It keeps no announcement, only its
 //! position, and what is to be taken back. It learns what an earlier process of the gateway announced from the broker,
 //! which sends what it has retained under the gateway's own node. Without that, only what this process announced is
 //! taken back.
@@ -19,10 +19,10 @@ mod documents_tests;
 #[cfg(test)]
 mod session_tests;
 
-pub(super) use plant::Plant;
+pub(super) use plant::DiscoveryPlant;
 
 use crate::domain::time::MonoTime;
-use crate::north::broker::{Filter, Message, Publication, Qos};
+use crate::north::broker::{BrokerMessage, Publication, Qos, SubscriptionFilter};
 use plant::AnnouncementKind;
 use std::collections::BTreeSet;
 use std::ops::Bound;
@@ -46,7 +46,7 @@ const MIGRATES: &[u8] = br#"{"migrate_discovery": true}"#;
 
 /// What is announced to Home Assistant, and which step is next.
 #[derive(Debug, Default)]
-pub(super) struct Discovery {
+pub(super) struct DiscoveryWalk {
     /// What waits to be taken back before anything is announced.
     gone: BTreeSet<String>,
     /// What is announced in another way from now on: it is migrated before, and taken back afterwards.
@@ -56,7 +56,7 @@ pub(super) struct Discovery {
     /// The next announcement, device and entity; `None`: all are sent.
     walk: Option<(usize, usize)>,
     /// The path to the broker; `None` while there is none.
-    way: Option<Way>,
+    way: Option<OpenPath>,
     /// When a birth is to be answered.
     again_at: Option<MonoTime>,
     /// When this burst began, and how many were sent in it.
@@ -68,16 +68,16 @@ pub(super) struct Discovery {
 
 /// An open path to the broker.
 #[derive(Clone, Copy, Debug)]
-struct Way {
+struct OpenPath {
     opened_at: MonoTime,
     /// Until this moment earlier announcements may arrive.
     quiet_at: MonoTime,
 }
 
-impl Discovery {
+impl DiscoveryWalk {
     /// The path to the broker is open.
     pub(super) fn opened(&mut self, at: MonoTime) {
-        self.way = Some(Way {
+        self.way = Some(OpenPath {
             opened_at: at,
             quiet_at: at + QUIET,
         });
@@ -103,7 +103,12 @@ impl Discovery {
     }
 
     /// Takes a message. False if it is neither from Home Assistant nor an announcement of ours.
-    pub(super) fn take(&mut self, at: MonoTime, message: &Message<'_>, plant: &Plant<'_>) -> bool {
+    pub(super) fn take(
+        &mut self,
+        at: MonoTime,
+        message: &BrokerMessage<'_>,
+        plant: &DiscoveryPlant<'_>,
+    ) -> bool {
         if plant.is_birth_topic(message.topic) {
             let is_birth = message.payload.trim_ascii().eq_ignore_ascii_case(b"online");
             if is_birth && plant.is_on() {
@@ -129,7 +134,7 @@ impl Discovery {
     }
 
     /// What is announced before its turn is announced anyway.
-    fn birth(&mut self, at: MonoTime, plant: &Plant<'_>) {
+    fn birth(&mut self, at: MonoTime, plant: &DiscoveryPlant<'_>) {
         if self.way.is_some_and(|way| at >= way.quiet_at) {
             let wait = Duration::from_millis(digest(&plant.node()) % (JITTER_MAX_MS + 1));
             self.again_at.get_or_insert(at + wait);
@@ -151,7 +156,7 @@ impl Discovery {
     }
 
     /// The gateway has other drives and lines from now on.
-    pub(super) fn replace(&mut self, old: &Plant<'_>, new: &Plant<'_>) {
+    pub(super) fn replace(&mut self, old: &DiscoveryPlant<'_>, new: &DiscoveryPlant<'_>) {
         let wanted = new.all();
         self.gone.extend(
             old.all()
@@ -165,7 +170,11 @@ impl Discovery {
     }
 
     /// The next publication, if it is time for one, with its number.
-    pub(super) fn next(&mut self, at: MonoTime, plant: &Plant<'_>) -> Option<(Publication, u64)> {
+    pub(super) fn next(
+        &mut self,
+        at: MonoTime,
+        plant: &DiscoveryPlant<'_>,
+    ) -> Option<(Publication, u64)> {
         if self.again_at.is_some_and(|again_at| at >= again_at) {
             self.walk = Some((0, 0));
             self.again_at = None;
@@ -183,7 +192,7 @@ impl Discovery {
         Some((publication, self.last))
     }
 
-    fn announcement(&mut self, plant: &Plant<'_>) -> Option<Publication> {
+    fn announcement(&mut self, plant: &DiscoveryPlant<'_>) -> Option<Publication> {
         if let Some(topic) = self.gone.pop_first() {
             return Some(publication(topic, Vec::new(), true));
         }
@@ -236,9 +245,9 @@ impl Discovery {
     }
 }
 
-impl Plant<'_> {
+impl DiscoveryPlant<'_> {
     /// What is subscribed. It is no failure if one of them is not granted.
-    pub(super) fn subscriptions(&self) -> Vec<Filter> {
+    pub(super) fn subscriptions(&self) -> Vec<SubscriptionFilter> {
         self.filters()
             .into_iter()
             .map(|path| self.topics.filter(path, true))

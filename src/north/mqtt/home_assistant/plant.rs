@@ -1,10 +1,10 @@
 //! Everything that is announced to Home Assistant, made on demand: nothing of it is kept.
 
-use super::entity::{Entity, Needs};
+use super::entity::{DiscoveryEntity, EntityNeeds};
 use super::{drive, gateway, ids};
 use crate::domain::ids::Name;
 use crate::drive::description::DriveDescription;
-use crate::north::mqtt::topics::Topics;
+use crate::north::mqtt::topics::MqttTopics;
 use crate::north::mqtt::types::{HomeAssistant, Settings};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
@@ -14,11 +14,11 @@ pub(super) const DEVICE: &str = "device";
 
 /// What is known of the gateway.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::north::mqtt) struct Plant<'a> {
+pub(in crate::north::mqtt) struct DiscoveryPlant<'a> {
     settings: &'a HomeAssistant,
     /// The topic on which the clients say that they are online.
     alive: Option<&'a str>,
-    pub(super) topics: &'a Topics,
+    pub(super) topics: &'a MqttTopics,
     gateway: &'a Name,
     lines: &'a [Name],
     drives: &'a [DriveDescription],
@@ -26,12 +26,12 @@ pub(in crate::north::mqtt) struct Plant<'a> {
 
 /// A device of Home Assistant.
 #[derive(Clone, Copy, Debug)]
-enum Device<'a> {
+enum DiscoveryDevice<'a> {
     Gateway,
     Drive(&'a DriveDescription),
 }
 
-impl Device<'_> {
+impl DiscoveryDevice<'_> {
     fn object(self) -> String {
         match self {
             Self::Gateway => ids::GATEWAY.to_owned(),
@@ -54,11 +54,11 @@ pub(super) enum AnnouncementKind {
 /// Where something is announced, and the keys of its components if it is a device.
 type Announced = (String, Vec<String>);
 
-impl<'a> Plant<'a> {
+impl<'a> DiscoveryPlant<'a> {
     /// `None` if Home Assistant discovery is not configured.
     pub(in crate::north::mqtt) fn of(
         settings: &'a Settings,
-        topics: &'a Topics,
+        topics: &'a MqttTopics,
         lines: &'a [Name],
         drives: &'a [DriveDescription],
     ) -> Option<Self> {
@@ -119,7 +119,7 @@ impl<'a> Plant<'a> {
             (DEVICE, device.object(), self.whole(device, entities))
         } else {
             let entity = entities.into_iter().nth(entity)?;
-            let component = entity.component.word();
+            let component = entity.component.keyword();
             let object = ids::entity(&device.object(), &entity.key);
             (
                 component,
@@ -158,7 +158,7 @@ impl<'a> Plant<'a> {
             let key = object.strip_prefix(&device.object())?.strip_prefix('_')?;
             self.entities(device)
                 .into_iter()
-                .find(|entity| entity.key == key && entity.component.word() == component)
+                .find(|entity| entity.key == key && entity.component.keyword() == component)
         });
         match device {
             None => AnnouncementKind::Gone,
@@ -172,7 +172,7 @@ impl<'a> Plant<'a> {
         if !self.settings.discovery {
             return BTreeSet::new();
         }
-        let of_device = |device: Device<'a>| -> Vec<Announced> {
+        let of_device = |device: DiscoveryDevice<'a>| -> Vec<Announced> {
             let object = device.object();
             let entities = self.entities(device);
             if self.settings.devices {
@@ -181,8 +181,9 @@ impl<'a> Plant<'a> {
                     keys(&entities).into_iter().collect(),
                 )];
             }
-            let topic =
-                |it: &Entity| self.topic(it.component.word(), &ids::entity(&object, &it.key));
+            let topic = |it: &DiscoveryEntity| {
+                self.topic(it.component.keyword(), &ids::entity(&object, &it.key))
+            };
             entities
                 .iter()
                 .map(|entity| (topic(entity), Vec::new()))
@@ -200,28 +201,30 @@ impl<'a> Plant<'a> {
         ids::topic(&self.settings.prefix, component, &self.node(), object)
     }
 
-    fn device(&self, place: usize) -> Option<Device<'a>> {
+    fn device(&self, place: usize) -> Option<DiscoveryDevice<'a>> {
         match place.checked_sub(1) {
-            None => Some(Device::Gateway),
-            Some(drive) => self.drives.get(drive).map(Device::Drive),
+            None => Some(DiscoveryDevice::Gateway),
+            Some(drive) => self.drives.get(drive).map(DiscoveryDevice::Drive),
         }
     }
 
-    fn devices(&self) -> impl Iterator<Item = Device<'a>> {
-        [Device::Gateway]
+    fn devices(&self) -> impl Iterator<Item = DiscoveryDevice<'a>> {
+        [DiscoveryDevice::Gateway]
             .into_iter()
-            .chain(self.drives.iter().map(Device::Drive))
+            .chain(self.drives.iter().map(DiscoveryDevice::Drive))
     }
 
-    fn entities(&self, device: Device<'_>) -> Vec<Entity> {
+    fn entities(&self, device: DiscoveryDevice<'_>) -> Vec<DiscoveryEntity> {
         match device {
-            Device::Gateway => gateway::entities(self.topics, self.lines),
-            Device::Drive(drive) => drive::entities(self.topics, drive, &self.settings.combined),
+            DiscoveryDevice::Gateway => gateway::entities(self.topics, self.lines),
+            DiscoveryDevice::Drive(drive) => {
+                drive::entities(self.topics, drive, &self.settings.combined)
+            }
         }
     }
 
     /// A single entity.
-    fn single(&self, device: Device<'_>, entity: Entity) -> Map<String, Value> {
+    fn single(&self, device: DiscoveryDevice<'_>, entity: DiscoveryEntity) -> Map<String, Value> {
         let mut config = self.config(device, entity);
         config.insert("device".to_owned(), self.about(device));
         config.insert("origin".to_owned(), origin());
@@ -229,10 +232,10 @@ impl<'a> Plant<'a> {
     }
 
     /// A device with all its entities.
-    fn whole(&self, device: Device<'_>, entities: Vec<Entity>) -> Value {
-        let component = |entity: Entity| {
+    fn whole(&self, device: DiscoveryDevice<'_>, entities: Vec<DiscoveryEntity>) -> Value {
+        let component = |entity: DiscoveryEntity| {
             let key = entity.key.clone();
-            let platform = entity.component.word();
+            let platform = entity.component.keyword();
             let mut config = self.config(device, entity);
             config.insert("platform".to_owned(), platform.into());
             (key, Value::Object(config))
@@ -242,8 +245,8 @@ impl<'a> Plant<'a> {
     }
 
     /// The configuration of an entity, without its device.
-    fn config(&self, device: Device<'_>, entity: Entity) -> Map<String, Value> {
-        let Entity {
+    fn config(&self, device: DiscoveryDevice<'_>, entity: DiscoveryEntity) -> Map<String, Value> {
+        let DiscoveryEntity {
             key,
             needs,
             mut config,
@@ -256,19 +259,19 @@ impl<'a> Plant<'a> {
         );
         let gateway = || json!({ "topic": self.topics.gateway("status") });
         let availability = match (needs, device) {
-            (Needs::Nothing, _) => return config,
-            (Needs::Drive, Device::Drive(drive)) => {
+            (EntityNeeds::Nothing, _) => return config,
+            (EntityNeeds::Drive, DiscoveryDevice::Drive(drive)) => {
                 let drive = self.topics.drive(drive.name.as_str(), "availability");
                 json!([gateway(), { "topic": drive }])
             }
-            (Needs::Gateway | Needs::Drive, _) => json!([gateway()]),
+            (EntityNeeds::Gateway | EntityNeeds::Drive, _) => json!([gateway()]),
         };
         config.insert("availability".to_owned(), availability);
         config.insert("availability_mode".to_owned(), "all".into());
         config
     }
 
-    fn about(&self, device: Device<'_>) -> Value {
+    fn about(&self, device: DiscoveryDevice<'_>) -> Value {
         let mut about = self.identity(device);
         if let Some(page) = &self.settings.page {
             about["configuration_url"] = page.as_str().into();
@@ -276,18 +279,18 @@ impl<'a> Plant<'a> {
         about
     }
 
-    fn identity(&self, device: Device<'_>) -> Value {
+    fn identity(&self, device: DiscoveryDevice<'_>) -> Value {
         let node = self.node();
         let id = |object: &str| ids::unique(&node, object);
         match device {
-            Device::Gateway => json!({
+            DiscoveryDevice::Gateway => json!({
                 "identifiers": [id(ids::GATEWAY)],
                 "name": self.gateway.as_str(),
                 "manufacturer": env!("CARGO_PKG_NAME"),
                 "model": "Gateway for variable-frequency drives",
                 "sw_version": env!("CARGO_PKG_VERSION"),
             }),
-            Device::Drive(drive) => json!({
+            DiscoveryDevice::Drive(drive) => json!({
                 "identifiers": [id(&device.object())],
                 "name": drive.name.as_str(),
                 "manufacturer": drive.model.vendor,
@@ -309,7 +312,7 @@ fn origin() -> Value {
     origin
 }
 
-fn keys(entities: &[Entity]) -> BTreeSet<String> {
+fn keys(entities: &[DiscoveryEntity]) -> BTreeSet<String> {
     entities.iter().map(|entity| entity.key.clone()).collect()
 }
 

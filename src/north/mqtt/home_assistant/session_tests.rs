@@ -4,17 +4,17 @@ use super::{BURST, BURST_EVERY, IN_FLIGHT_MAX, MIGRATES};
 use crate::domain::command::{Outcome, Reason};
 use crate::domain::ids::{DriveIndex, Name};
 use crate::drive::description::{DriveDescription, DriveRef};
-use crate::north::broker::{Event, Message, Publication, Qos, ToLine, Version};
+use crate::north::broker::{BrokerEvent, BrokerMessage, MqttVersion, Publication, Qos, ToLine};
 use crate::north::mqtt::harness::{
     Rig, Staged, commands, drives, message, name, publications, settings,
 };
-use crate::north::mqtt::session::Session;
-use crate::north::mqtt::types::{Act, HomeAssistant, LeaseMode, Settings};
+use crate::north::mqtt::session::MqttSession;
+use crate::north::mqtt::types::{HomeAssistant, LeaseMode, MqttAct, Settings};
 use std::collections::{BTreeMap, BTreeSet};
 
 const NODE: &str = "vfd-gateway-plant";
 
-fn speaking(version: Version) -> Settings {
+fn speaking(version: MqttVersion) -> Settings {
     let home_assistant = Some(HomeAssistant {
         discovery: true,
         prefix: "ha".into(),
@@ -50,11 +50,11 @@ impl Home {
     fn again(&mut self, settings: Settings, drives: Vec<DriveDescription>) {
         self.rig = Self::new(settings.clone()).rig;
         self.rig.views.truncate(drives.len());
-        self.rig.session = Session::new(settings, drives, vec![name("hall")], self.rig.at(), 7);
+        self.rig.session = MqttSession::new(settings, drives, vec![name("hall")], self.rig.at(), 7);
     }
 
     /// Plays the broker for these acts and for what follows from them at once. Returns what was announced.
-    fn play(&mut self, acts: Vec<Act>) -> Vec<Publication> {
+    fn play(&mut self, acts: Vec<MqttAct>) -> Vec<Publication> {
         let mut announced = Vec::new();
         let mut acts = acts;
         while !acts.is_empty() {
@@ -77,11 +77,11 @@ impl Home {
             self.kept.insert(it.topic.clone(), it.payload.clone());
         }
         if let Some(token) = it.token {
-            self.rig.handle(Event::Acknowledged(token));
+            self.rig.handle(BrokerEvent::Acknowledged(token));
         }
         // It is subscribed, so it is delivered.
         if self.granted {
-            self.rig.handle(Event::Message(Message {
+            self.rig.handle(BrokerEvent::Message(BrokerMessage {
                 retain: it.retain,
                 ..message(&it.topic, &it.payload)
             }));
@@ -90,9 +90,9 @@ impl Home {
 
     /// Connects, and returns what is announced up to the end.
     fn connect(&mut self) -> Vec<Publication> {
-        self.rig.handle(Event::Connected(self.rig.broker));
+        self.rig.handle(BrokerEvent::Connected(self.rig.broker));
         let acts = self.rig.acts();
-        let [Act::Subscribe(filters)] = &acts[..] else {
+        let [MqttAct::Subscribe(filters)] = &acts[..] else {
             panic!("{acts:?}")
         };
         let own = |path: &str| path.starts_with("ha/");
@@ -108,10 +108,10 @@ impl Home {
             .iter()
             .map(|it| self.granted || !own(&it.path))
             .collect();
-        self.rig.handle(Event::Subscribed(granted));
+        self.rig.handle(BrokerEvent::Subscribed(granted));
         for (topic, payload) in self.kept.clone() {
             if self.granted && topic.contains(NODE) {
-                self.rig.handle(Event::Message(Message {
+                self.rig.handle(BrokerEvent::Message(BrokerMessage {
                     retain: true,
                     ..message(&topic, &payload)
                 }));
@@ -146,7 +146,7 @@ fn cleared(announced: &[Publication]) -> BTreeSet<String> {
         .collect()
 }
 
-fn told(announced: &[Publication]) -> BTreeSet<String> {
+fn announced_topics(announced: &[Publication]) -> BTreeSet<String> {
     announced
         .iter()
         .filter(|it| !it.payload.is_empty() && it.retain)
@@ -156,11 +156,11 @@ fn told(announced: &[Publication]) -> BTreeSet<String> {
 
 #[test]
 fn everything_is_announced_once_and_retained() {
-    for version in [Version::V4, Version::V5] {
+    for version in [MqttVersion::V4, MqttVersion::V5] {
         let mut home = Home::new(speaking(version));
         let announced = home.connect();
         assert_eq!(
-            told(&announced).len(),
+            announced_topics(&announced).len(),
             announced.len(),
             "each once, none taken back"
         );
@@ -189,7 +189,7 @@ fn everything_is_announced_once_and_retained() {
 
 #[test]
 fn without_the_table_nothing_is_said_and_nothing_subscribed() {
-    let mut rig = Rig::new(Version::V5);
+    let mut rig = Rig::new(MqttVersion::V5);
     rig.poll(0, 3_000);
     let acts = rig.connect();
     let all = format!("{acts:?}");
@@ -198,28 +198,30 @@ fn without_the_table_nothing_is_said_and_nothing_subscribed() {
 
 #[test]
 fn a_birth_brings_all_of_it_again_after_a_while_of_its_own() {
-    let mut home = Home::new(speaking(Version::V4));
-    let all = told(&home.connect());
+    let mut home = Home::new(speaking(MqttVersion::V4));
+    let all = announced_topics(&home.connect());
     for (topic, payload) in [("ha/status", &b"online"[..]), ("home/status", b" ONLINE")] {
-        home.rig.handle(Event::Message(message(topic, payload)));
+        home.rig
+            .handle(BrokerEvent::Message(message(topic, payload)));
         let wait = super::digest(NODE) % (super::JITTER_MAX_MS + 1);
         assert!((50..4_900).contains(&wait), "{wait}");
         assert_eq!(home.pass(wait - wait % 50), []);
         let again = home.pass(60_000);
         assert_eq!(
-            (told(&again), again.len()),
+            (announced_topics(&again), again.len()),
             (all.clone(), all.len()),
             "{topic}"
         );
     }
     for (topic, payload) in [("ha/status", &b"offline"[..]), ("ha/other", b"online")] {
-        home.rig.handle(Event::Message(message(topic, payload)));
+        home.rig
+            .handle(BrokerEvent::Message(message(topic, payload)));
         assert_eq!(home.pass(60_000), []);
     }
     // Many births are one.
     for _ in 0..100 {
         home.rig
-            .handle(Event::Message(message("ha/status", b"online")));
+            .handle(BrokerEvent::Message(message("ha/status", b"online")));
     }
     assert_eq!(home.pass(60_000).len(), all.len());
 }
@@ -228,30 +230,30 @@ fn a_birth_brings_all_of_it_again_after_a_while_of_its_own() {
 fn a_birth_topic_beside_the_alive_topic_ends_no_lease() {
     let mut home = Home::new(Settings {
         lease: LeaseMode::Session,
-        ..speaking(Version::V5)
+        ..speaking(MqttVersion::V5)
     });
     home.connect();
     home.rig
-        .handle(Event::Message(message("ha/status", b"offline")));
+        .handle(BrokerEvent::Message(message("ha/status", b"offline")));
     assert!(
         home.rig
             .pass(20_000)
-            .contains(&Act::ToLine(ToLine::PathAlive))
+            .contains(&MqttAct::ToLine(ToLine::PathAlive))
     );
     home.rig
-        .handle(Event::Message(message("home/status", b"offline")));
+        .handle(BrokerEvent::Message(message("home/status", b"offline")));
     home.rig.acts();
     assert!(
         !home
             .rig
             .pass(20_000)
-            .contains(&Act::ToLine(ToLine::PathAlive))
+            .contains(&MqttAct::ToLine(ToLine::PathAlive))
     );
 }
 
 #[test]
 fn what_an_earlier_life_announced_is_taken_back() {
-    for version in [Version::V4, Version::V5] {
+    for version in [MqttVersion::V4, MqttVersion::V5] {
         let mut home = Home::new(speaking(version));
         home.connect();
         let before = home.topics();
@@ -282,14 +284,14 @@ fn what_an_earlier_life_announced_is_taken_back() {
 
 #[test]
 fn a_gateway_that_may_not_look_announces_all_the_same_and_takes_nothing_back() {
-    let mut home = Home::new(speaking(Version::V5));
+    let mut home = Home::new(speaking(MqttVersion::V5));
     home.connect();
     let before = home.topics();
     let [pump, _] = <[_; 2]>::try_from(drives()).unwrap();
-    home.again(speaking(Version::V5), vec![pump]);
+    home.again(speaking(MqttVersion::V5), vec![pump]);
     home.granted = false;
     let announced = home.connect();
-    assert!(!told(&announced).is_empty());
+    assert!(!announced_topics(&announced).is_empty());
     assert_eq!((cleared(&announced).len(), home.topics()), (0, before));
     assert_eq!(
         home.rig.session.counters().alive_refused,
@@ -300,7 +302,7 @@ fn a_gateway_that_may_not_look_announces_all_the_same_and_takes_nothing_back() {
 
 #[test]
 fn a_reload_takes_back_what_is_gone_and_shows_what_is_new() {
-    let mut home = Home::new(speaking(Version::V5));
+    let mut home = Home::new(speaking(MqttVersion::V5));
     home.granted = false;
     home.connect();
     let before = home.topics();
@@ -345,7 +347,7 @@ fn discovery_that_is_switched_off_takes_everything_back() {
             });
             Settings {
                 home_assistant,
-                ..settings(Version::V4)
+                ..settings(MqttVersion::V4)
             }
         };
         let mut home = Home::new(with(true));
@@ -353,15 +355,15 @@ fn discovery_that_is_switched_off_takes_everything_back() {
         assert!(!home.kept.is_empty());
         home.again(with(false), drives());
         // The birth topic carries nothing that is wanted.
-        home.rig.handle(Event::Connected(home.rig.broker));
+        home.rig.handle(BrokerEvent::Connected(home.rig.broker));
         let acts = home.rig.acts();
-        let [Act::Subscribe(filters)] = &acts[..] else {
+        let [MqttAct::Subscribe(filters)] = &acts[..] else {
             panic!("{acts:?}")
         };
         home.rig
-            .handle(Event::Subscribed(vec![true; filters.len()]));
+            .handle(BrokerEvent::Subscribed(vec![true; filters.len()]));
         for (topic, payload) in home.kept.clone() {
-            home.rig.handle(Event::Message(Message {
+            home.rig.handle(BrokerEvent::Message(BrokerMessage {
                 retain: true,
                 ..message(&topic, &payload)
             }));
@@ -369,7 +371,7 @@ fn discovery_that_is_switched_off_takes_everything_back() {
         home.pass(60_000);
         assert_eq!(home.topics(), BTreeSet::new());
         home.rig
-            .handle(Event::Message(message("ha/status", b"online")));
+            .handle(BrokerEvent::Message(message("ha/status", b"online")));
         assert_eq!(home.pass(60_000), []);
     }
 }
@@ -387,11 +389,11 @@ fn the_way_of_announcing_changes_in_the_order_that_keeps_what_people_made_of_it(
             });
             Settings {
                 home_assistant,
-                ..settings(Version::V5)
+                ..settings(MqttVersion::V5)
             }
         };
         let mut home = Home::new(with(!devices));
-        let old = told(&home.connect());
+        let old = announced_topics(&home.connect());
         home.again(with(devices), drives());
         let announced = home.connect();
         let step = |it: &Publication| match (it.retain, it.payload.is_empty()) {
@@ -426,7 +428,7 @@ fn a_device_that_holds_less_than_before_is_taken_back_first() {
     });
     let with = || Settings {
         home_assistant: home_assistant.clone(),
-        ..settings(Version::V4)
+        ..settings(MqttVersion::V4)
     };
     let topic = "ha/device/vfd-gateway-plant/drive_pump/config";
     let less = || {
@@ -467,14 +469,14 @@ fn a_device_that_holds_less_than_before_is_taken_back_first() {
 
 #[test]
 fn announcements_are_paced_and_everything_else_goes_first() {
-    let mut home = Home::new(speaking(Version::V5));
-    home.rig.handle(Event::Connected(home.rig.broker));
+    let mut home = Home::new(speaking(MqttVersion::V5));
+    home.rig.handle(BrokerEvent::Connected(home.rig.broker));
     let acts = home.rig.acts();
-    let [Act::Subscribe(filters)] = &acts[..] else {
+    let [MqttAct::Subscribe(filters)] = &acts[..] else {
         panic!("{acts:?}")
     };
     home.rig
-        .handle(Event::Subscribed(vec![true; filters.len()]));
+        .handle(BrokerEvent::Subscribed(vec![true; filters.len()]));
     let birth = home.rig.acts();
     assert!(
         publications(&birth)
@@ -498,7 +500,8 @@ fn announcements_are_paced_and_everything_else_goes_first() {
     );
     // One that does.
     for it in &announced {
-        home.rig.handle(Event::Acknowledged(it.token.unwrap()));
+        home.rig
+            .handle(BrokerEvent::Acknowledged(it.token.unwrap()));
     }
     let mut most = 0;
     loop {
@@ -514,7 +517,7 @@ fn announcements_are_paced_and_everything_else_goes_first() {
     assert!((1..=2 * BURST as usize).contains(&most), "{most}");
     // In the middle of them a command and its result, and a value that changes, wait for nothing.
     home.rig
-        .handle(Event::Message(message("ha/status", b"online")));
+        .handle(BrokerEvent::Message(message("ha/status", b"online")));
     let acts = home.rig.pass(5_000);
     home.play(acts);
     home.rig.poll(0, 4_000);
@@ -523,7 +526,7 @@ fn announcements_are_paced_and_everything_else_goes_first() {
     let answered = home
         .rig
         .answer(ticket, Outcome::Confirmed, Reason::None, true);
-    let first = |acts: &[Act]| publications(acts).first().map(|it| it.topic.clone());
+    let first = |acts: &[MqttAct]| publications(acts).first().map(|it| it.topic.clone());
     assert_eq!(
         first(&asked).as_deref(),
         Some("vfd/plant/drive/pump/frequency/output")
@@ -540,19 +543,20 @@ fn announcements_are_paced_and_everything_else_goes_first() {
 
 #[test]
 fn a_flood_under_our_node_is_bounded() {
-    let mut home = Home::new(speaking(Version::V4));
+    let mut home = Home::new(speaking(MqttVersion::V4));
     home.granted = false;
     home.connect();
     for number in 0..2 * super::GONE_MAX {
         let topic = format!("ha/sensor/{NODE}/x{number}/config");
-        home.rig.handle(Event::Message(message(&topic, b"{}")));
+        home.rig
+            .handle(BrokerEvent::Message(message(&topic, b"{}")));
     }
     assert_eq!(home.rig.session.discovery.gone.len(), super::GONE_MAX);
 }
 
 #[test]
 fn a_broker_that_keeps_nothing_is_reported_all_the_same() {
-    let mut home = Home::new(speaking(Version::V5));
+    let mut home = Home::new(speaking(MqttVersion::V5));
     home.rig.broker.retains = false;
     home.granted = false;
     let announced = home.connect();

@@ -1,45 +1,45 @@
 //! Advice on one drive.
 
-use super::Advice;
+use super::SubjectAdvice;
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::control::ControlSettings;
 use crate::domain::fail_safe::FailSafeStage;
 use crate::domain::link::Interface;
 use crate::domain::time::MonoTime;
-use crate::drive::snapshot::Presence;
+use crate::drive::snapshot::DrivePresence;
 use crate::drive::view::{ControlView, StoppedAgain};
 use crate::drive::watchdog::{WatchdogState, WatchdogView};
 use crate::journal::trip;
-use crate::north::finding::{Finding, Severity, Sign, offline, warns};
-use crate::north::page::drive::Drive;
+use crate::north::finding::{Finding, FindingSign, Severity, offline, warns};
+use crate::north::page::drive::PageDrive;
 use crate::north::shown::{fail_safe_text, fresh, may_still_run, said, warning_text};
 use crate::north::texts::Sentence;
 use crate::profile::model::{Model, Register, RunForm, SetupItem};
-use crate::profile::scale::Scaled;
+use crate::profile::scale::ScaledValue;
 
-impl Drive<'_> {
+impl PageDrive<'_> {
     /// The advice on it, on a line of this interface.
     #[must_use]
     pub fn advice(&self, interface: Interface, now: MonoTime) -> Vec<Finding> {
         let description = self.description;
         let line = Some(description.line.clone());
         let drive = Some(description.name.clone());
-        let mut said = Advice {
+        let mut said = SubjectAdvice {
             line,
             drive,
             all: Vec::new(),
         };
         if self.view.sight.may_still_run {
-            said.say(Sign::MayStillRun, may_still_run(self.view));
+            said.say(FindingSign::MayStillRun, may_still_run(self.view));
         }
         // A line that is down is reported once, for all its drives.
-        if self.view.line_is_up && self.view.snapshot.presence == Presence::Offline {
-            said.say(Sign::Offline, offline(self.station));
+        if self.view.line_is_up && self.view.snapshot.presence == DrivePresence::Offline {
+            said.say(FindingSign::Offline, offline(self.station));
         }
         self.tripped(&mut said);
         self.plausible(&mut said);
         if let Some(warning) = warning_text(description, self.view, now) {
-            said.say(Sign::Warns, warns(warning));
+            said.say(FindingSign::Warns, warns(warning));
         }
         if self.view.is_online() {
             self.undocumented_state(&mut said);
@@ -59,20 +59,20 @@ impl Drive<'_> {
     }
 
     /// A state that the documents of the model do not name.
-    fn undocumented_state(&self, said: &mut Advice) {
+    fn undocumented_state(&self, said: &mut SubjectAdvice) {
         let Some(state) = self.view.status.undocumented else {
             return;
         };
         let text =
             Sentence::new("finding.undocumented_state").with("register", state.address.to_string());
         said.say(
-            Sign::UndocumentedState,
+            FindingSign::UndocumentedState,
             text.with("value", u64::from(state.word)),
         );
     }
 
     /// The registers that the drive refuses to show.
-    fn refused_registers(&self, said: &mut Advice) {
+    fn refused_registers(&self, said: &mut SubjectAdvice) {
         for refused in &self.view.refused {
             let model = &self.description.model;
             let name = model
@@ -84,19 +84,19 @@ impl Drive<'_> {
             let severity = if is_essential {
                 Severity::Problem
             } else {
-                Sign::RegisterRefused.severity()
+                FindingSign::RegisterRefused.severity()
             };
             let code = format!("{:02X}", refused.code);
             said.say_graded(
                 severity,
-                Sign::RegisterRefused,
+                FindingSign::RegisterRefused,
                 text.with("name", name).with("code", code),
             );
         }
     }
 
     /// What the drive shows that no drive of its model shows.
-    fn plausible(&self, said: &mut Advice) {
+    fn plausible(&self, said: &mut SubjectAdvice) {
         if !self.view.snapshot.is_implausible || !self.view.is_online() {
             return;
         }
@@ -113,7 +113,7 @@ impl Drive<'_> {
                 continue;
             }
             let ends = [range.start(), range.end()]
-                .map(|end| Scaled::new(i64::from(*end), register.scale));
+                .map(|end| ScaledValue::new(i64::from(*end), register.scale));
             let implausible =
                 Sentence::new("finding.implausible").with("register", register.title.as_str());
             let implausible = implausible.with("address", register.address.to_string());
@@ -122,14 +122,14 @@ impl Drive<'_> {
                 .with("least", ends[0].to_string())
                 .with("most", ends[1].to_string());
             said.say(
-                Sign::Implausible,
+                FindingSign::Implausible,
                 implausible.with("unit", register.unit.symbol()),
             );
         }
     }
 
     /// A drive that does not answer may no longer be tripped: then that is reported, and not this.
-    fn tripped(&self, said: &mut Advice) {
+    fn tripped(&self, said: &mut SubjectAdvice) {
         let trip = &self.view.trip;
         if trip.active != Some(true) || !self.view.is_online() {
             return;
@@ -143,16 +143,16 @@ impl Drive<'_> {
             (Some(code), Some(words)) if words.contains(&code.to_string()) => words,
             (Some(code), Some(words)) => format!("{code} {words}"),
             (Some(code), None) => code.to_string(),
-            (None, _) => return said.say(Sign::Tripped, Sentence::new("finding.tripped")),
+            (None, _) => return said.say(FindingSign::Tripped, Sentence::new("finding.tripped")),
         };
         said.say(
-            Sign::Tripped,
+            FindingSign::Tripped,
             Sentence::new("finding.tripped_by").with("trip", name),
         );
     }
 
     /// Whether it obeys the bus, as far as known from what was read.
-    fn obedience(&self, said: &mut Advice, interface: Interface, now: MonoTime) {
+    fn obedience(&self, said: &mut SubjectAdvice, interface: Interface, now: MonoTime) {
         let model = &self.description.model;
         let name = &self.description.name;
         let concerned = model
@@ -164,7 +164,7 @@ impl Drive<'_> {
         for wrong in wrong {
             let refused = Sentence::new("finding.bus_refused");
             said.say(
-                Sign::BusRefused,
+                FindingSign::BusRefused,
                 refused.with("setting", wrong).with("drive", name.as_str()),
             );
         }
@@ -175,7 +175,7 @@ impl Drive<'_> {
         let is_local = self.view.is_online() && self.view.status.is_local() == Some(true);
         if is_local && is_set && !takes_priority {
             said.say(
-                Sign::LocalControl,
+                FindingSign::LocalControl,
                 Sentence::new("finding.local_control").with("drive", name.as_str()),
             );
         }
@@ -196,7 +196,7 @@ impl Drive<'_> {
         })
     }
 
-    fn setpoint_limits(&self, said: &mut Advice, settings: &ControlSettings, now: MonoTime) {
+    fn setpoint_limits(&self, said: &mut SubjectAdvice, settings: &ControlSettings, now: MonoTime) {
         let limits = settings.least.as_f64()..=settings.most.as_f64();
         if let Some(hertz) = self
             .setpoint(now)
@@ -204,7 +204,7 @@ impl Drive<'_> {
         {
             let outside = Sentence::new("finding.setpoint_outside").with("setpoint", hertz);
             said.say(
-                Sign::SetpointOutside,
+                FindingSign::SetpointOutside,
                 outside
                     .with("least", *limits.start())
                     .with("most", *limits.end()),
@@ -212,7 +212,12 @@ impl Drive<'_> {
         }
     }
 
-    fn watchdog(&self, said: &mut Advice, settings: &ControlSettings, watchdog: WatchdogView) {
+    fn watchdog(
+        &self,
+        said: &mut SubjectAdvice,
+        settings: &ControlSettings,
+        watchdog: WatchdogView,
+    ) {
         let state = match watchdog.state {
             WatchdogState::Unknown | WatchdogState::InOrder => return,
             WatchdogState::Off => Sentence::new("watchdog.off"),
@@ -226,15 +231,18 @@ impl Drive<'_> {
         let severity = if settings.require_watchdog {
             Severity::Problem
         } else {
-            Sign::WatchdogWrong.severity()
+            FindingSign::WatchdogWrong.severity()
         };
-        said.say_graded(severity, Sign::WatchdogWrong, text);
+        said.say_graded(severity, FindingSign::WatchdogWrong, text);
     }
 }
 
-fn control(said: &mut Advice, control: &ControlView, model: &Model, now: MonoTime) {
+fn control(said: &mut SubjectAdvice, control: &ControlView, model: &Model, now: MonoTime) {
     if control.not_effective {
-        said.say(Sign::NotEffective, Sentence::new("finding.not_effective"));
+        said.say(
+            FindingSign::NotEffective,
+            Sentence::new("finding.not_effective"),
+        );
     }
     if control.output_outside {
         let key = if model.needs_full_scale() {
@@ -242,11 +250,11 @@ fn control(said: &mut Advice, control: &ControlView, model: &Model, now: MonoTim
         } else {
             "finding.output_outside"
         };
-        said.say(Sign::OutputOutside, Sentence::new(key));
+        said.say(FindingSign::OutputOutside, Sentence::new(key));
     }
     if control.stopped_elsewhere {
         said.say(
-            Sign::StoppedElsewhere,
+            FindingSign::StoppedElsewhere,
             Sentence::new("finding.stopped_elsewhere"),
         );
     }
@@ -256,15 +264,15 @@ fn control(said: &mut Advice, control: &ControlView, model: &Model, now: MonoTim
     {
         let stopped = Sentence::new("finding.stopped_again").with("by", again.by.to_string());
         said.say(
-            Sign::StoppedAgain,
+            FindingSign::StoppedAgain,
             stopped.with("times", u64::from(again.times)),
         );
     }
     if let Some(run) = control.failsafe {
         let sign = if run.cause.is_lost_commander() {
-            Sign::CommanderLost
+            FindingSign::CommanderLost
         } else {
-            Sign::FailSafe
+            FindingSign::FailSafe
         };
         // Until the drive has shown the effect, its motor may go on.
         let is_effective = matches!(
@@ -279,7 +287,7 @@ fn control(said: &mut Advice, control: &ControlView, model: &Model, now: MonoTim
         said.say_graded(severity, sign, fail_safe_text(run));
     }
     if let Some(text) = control.last.as_ref().and_then(|last| refused(model, last)) {
-        said.say(Sign::CommandFailed, text);
+        said.say(FindingSign::CommandFailed, text);
     }
 }
 
@@ -295,7 +303,7 @@ fn refused(model: &Model, last: &Report) -> Option<Sentence> {
     });
     let failed = failed.with("reason", said(model, last)).with(
         "hint",
-        Sentence::new(format!("hint.{}", last.reason.word())),
+        Sentence::new(format!("hint.{}", last.reason.keyword())),
     );
     Some(match last.exception {
         Some(code) => failed.with("exception", format!("{code:02X}")),
@@ -322,7 +330,7 @@ pub(super) const OF_DRIVE: [Reason; 13] = [
 
 /// A word with what it means.
 fn shown(register: &Register, word: u16) -> String {
-    let value = Scaled::from_word(word, register);
+    let value = ScaledValue::from_word(word, register);
     register.meaning(word).map_or_else(
         || value.to_string(),
         |meaning| format!("{value} ({meaning})"),

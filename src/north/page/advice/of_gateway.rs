@@ -1,25 +1,25 @@
 //! Advice on the gateway as a whole.
 
-use super::Advice;
-use crate::north::finding::{Finding, Sign};
-use crate::north::page::gateway::{Gateway, JournalState};
-use crate::north::texts::{Part, Sentence};
+use super::SubjectAdvice;
+use crate::north::finding::{Finding, FindingSign};
+use crate::north::page::gateway::{PageGateway, PageJournal};
+use crate::north::texts::{Sentence, SentencePart};
 
-impl Gateway {
+impl PageGateway {
     /// The advice on it.
     #[must_use]
     pub fn advice(&self) -> Vec<Finding> {
-        let mut said = Advice::default();
+        let mut said = SubjectAdvice::default();
         if let Some(way) = &self.mqtt {
             if way.is_contested {
                 said.say(
-                    Sign::BrokerContested,
+                    FindingSign::BrokerContested,
                     Sentence::new("finding.broker_contested"),
                 );
             } else if !way.is_connected {
                 let unreachable = Sentence::new("finding.broker_unreachable");
                 said.say(
-                    Sign::BrokerUnreachable,
+                    FindingSign::BrokerUnreachable,
                     unreachable.with(
                         "reason",
                         reason_or(way.lost_reason.as_deref(), "unknown_reason.broker"),
@@ -27,7 +27,7 @@ impl Gateway {
                 );
             } else if way.is_partner_missing {
                 said.say(
-                    Sign::PartnerMissing,
+                    FindingSign::PartnerMissing,
                     Sentence::new("finding.partner_missing"),
                 );
             }
@@ -37,11 +37,14 @@ impl Gateway {
                 let text = text
                     .with("limit", first.limit as u64)
                     .with("bytes", first.bytes as u64);
-                said.say(Sign::Oversized, text.with("topic", first.topic.clone()));
+                said.say(
+                    FindingSign::Oversized,
+                    text.with("topic", first.topic.clone()),
+                );
             }
             if let Some(topic) = &way.clients_gone {
                 said.say(
-                    Sign::ClientsGone,
+                    FindingSign::ClientsGone,
                     Sentence::new("finding.clients_gone").with("topic", topic.clone()),
                 );
             }
@@ -51,7 +54,7 @@ impl Gateway {
             .for_each(|journal| of_journal(&mut said, journal));
         if let Some(reason) = &self.unreachable {
             said.say(
-                Sign::SocketMissing,
+                FindingSign::SocketMissing,
                 Sentence::new("finding.socket_missing").with("reason", reason.to_string()),
             );
         }
@@ -60,33 +63,33 @@ impl Gateway {
 }
 
 /// The reason as the operating system or the other side gave it; `key` says that none is known.
-fn reason_or(reason: Option<&str>, key: &'static str) -> Part {
-    reason.map_or_else(|| Sentence::new(key).into(), Part::from)
+fn reason_or(reason: Option<&str>, key: &'static str) -> SentencePart {
+    reason.map_or_else(|| Sentence::new(key).into(), SentencePart::from)
 }
 
-fn of_journal(said: &mut Advice, journal: &JournalState) {
+fn of_journal(said: &mut SubjectAdvice, journal: &PageJournal) {
     if !journal.is_ok {
         let reason = reason_or(journal.reason.as_deref(), "unknown_reason.journal");
         said.say(
-            Sign::JournalBroken,
+            FindingSign::JournalBroken,
             Sentence::new("finding.journal_broken").with("reason", reason),
         );
     }
     if let Some(path) = &journal.moved_aside {
         said.say(
-            Sign::JournalMovedAside,
+            FindingSign::JournalMovedAside,
             Sentence::new("finding.journal_moved_aside").with("path", path.to_string()),
         );
     }
     if let Some(what) = &journal.replaced {
         said.say(
-            Sign::JournalReplaced,
+            FindingSign::JournalReplaced,
             Sentence::new("finding.journal_replaced").with("what", what.clone()),
         );
     }
     if journal.lost > 0 {
         said.say(
-            Sign::JournalRowsLost,
+            FindingSign::JournalRowsLost,
             Sentence::new("finding.journal_rows_lost").with("rows", journal.lost),
         );
     }

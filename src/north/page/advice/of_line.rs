@@ -1,30 +1,30 @@
 //! Advice on one line.
 
-use super::Advice;
+use super::SubjectAdvice;
 use crate::domain::report::{LineFault, LineState};
 use crate::domain::standby::LineRole;
-use crate::north::finding::{Finding, Sign, down_reason, over_full, suspended, suspicion};
-use crate::north::page::line::Line;
+use crate::north::finding::{Finding, FindingSign, down_reason, over_full, suspended, suspicion};
+use crate::north::page::line::PageLine;
 use crate::north::texts::Sentence;
 
-impl Line<'_> {
+impl PageLine<'_> {
     /// The advice on it.
     #[must_use]
     pub fn advice(&self) -> Vec<Finding> {
-        let mut said = Advice {
+        let mut said = SubjectAdvice {
             line: Some(self.name.clone()),
-            ..Advice::default()
+            ..SubjectAdvice::default()
         };
         let report = self.report;
         if self.hangs {
-            said.say(Sign::LineHangs, Sentence::new("finding.line_hangs"));
+            said.say(FindingSign::LineHangs, Sentence::new("finding.line_hangs"));
         }
         match (down_reason(report), report.suspicion.map(suspicion)) {
-            (None, Some(suspicion)) => said.say(Sign::Suspicion, suspicion),
+            (None, Some(suspicion)) => said.say(FindingSign::Suspicion, suspicion),
             (Some(_), Some(suspicion)) => {
-                said.say(Sign::Suspicion, down("finding.line_down", suspicion))
+                said.say(FindingSign::Suspicion, down("finding.line_down", suspicion))
             }
-            (Some(reason), None) => said.say(Sign::LineDown, self.down(reason)),
+            (Some(reason), None) => said.say(FindingSign::LineDown, self.down(reason)),
             (None, None) => {}
         }
         let bad = match report.quality.bad_per_cent {
@@ -32,10 +32,10 @@ impl Line<'_> {
             _ => 0,
         };
         if report.quality.is_suspended {
-            said.say(Sign::Suspended, suspended(bad));
+            said.say(FindingSign::Suspended, suspended(bad));
         } else if bad > 0 {
             said.say(
-                Sign::BadExchanges,
+                FindingSign::BadExchanges,
                 Sentence::new("finding.bad_exchanges").with("bad", u64::from(bad)),
             );
         }
@@ -43,33 +43,42 @@ impl Line<'_> {
             let is_deaf = report.state == LineState::Down;
             if standby.role == LineRole::Listening && !standby.hears_other && !is_deaf {
                 said.say(
-                    Sign::NoGatewayActive,
+                    FindingSign::NoGatewayActive,
                     Sentence::new("finding.no_gateway_active"),
                 );
             }
             if standby.listener == Some(false) {
-                said.say(Sign::NoListener, Sentence::new("finding.no_listener"));
+                said.say(
+                    FindingSign::NoListener,
+                    Sentence::new("finding.no_listener"),
+                );
             }
             if standby.trouble.is_deaf {
-                said.say(Sign::LineDeaf, Sentence::new("finding.line_deaf"));
+                said.say(FindingSign::LineDeaf, Sentence::new("finding.line_deaf"));
             }
             if standby.trouble.files_differ {
-                said.say(Sign::FilesDiffer, Sentence::new("finding.files_differ"));
+                said.say(
+                    FindingSign::FilesDiffer,
+                    Sentence::new("finding.files_differ"),
+                );
             }
             if let Some(station) = standby.trouble.unknown_station {
                 let sentence =
                     Sentence::new("finding.unknown_station").with("station", u64::from(station.0));
-                said.say(Sign::Stranger, sentence);
+                said.say(FindingSign::Stranger, sentence);
             }
             if standby.rivals > 0 {
                 said.say(
-                    Sign::RivalOnLine,
+                    FindingSign::RivalOnLine,
                     Sentence::new("finding.rival_on_line").with("times", standby.rivals),
                 );
             }
         }
         if report.planned_use_per_mille > 1000 {
-            said.say(Sign::OverFull, over_full(report.planned_use_per_mille));
+            said.say(
+                FindingSign::OverFull,
+                over_full(report.planned_use_per_mille),
+            );
         }
         said.all
     }

@@ -170,7 +170,9 @@ fn a_model_may_refuse_by_exception() {
 fn registers_without_a_role_keep_what_is_written() {
     let mut model = (*n700()).clone();
     for register in &mut model.registers {
-        register.role = register.role.filter(|role| *role != Role::RunSource);
+        register.role = register
+            .role
+            .filter(|role| *role != RegisterRole::RunSource);
     }
     let mut drive = SimDrive::new(Arc::new(model), DriveOptions::default());
     assert_eq!(read(&mut drive, seconds(0), F011, 1), Some(vec![3]));

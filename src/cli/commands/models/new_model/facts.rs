@@ -7,7 +7,7 @@ use std::fmt::Write;
 
 /// Where a fact comes from.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Evidence {
+pub enum FactEvidence {
     /// The manual, at this place.
     Manual(String),
     /// The person who answered, in these words.
@@ -16,7 +16,7 @@ pub enum Evidence {
     Template(String),
 }
 
-impl Evidence {
+impl FactEvidence {
     /// The keys `confidence` and `source`.
     pub fn keys(&self) -> String {
         format!(
@@ -63,7 +63,7 @@ impl Evidence {
 
 /// The documents that the facts cite.
 #[derive(Clone, Debug, Default)]
-pub struct Documents {
+pub struct CitedDocuments {
     /// Title of the manual.
     pub manual: Option<String>,
     /// When the questions were answered.
@@ -96,7 +96,7 @@ pub struct RegisterFacts {
     /// How often it is read.
     pub poll: Option<&'static str>,
     /// Where it comes from.
-    pub evidence: Evidence,
+    pub evidence: FactEvidence,
 }
 
 /// A flag of the status register.
@@ -107,7 +107,7 @@ pub struct FlagFacts {
     /// The bits that show it: all of them are 1 then.
     pub mask: u16,
     /// Where it comes from.
-    pub evidence: Evidence,
+    pub evidence: FactEvidence,
 }
 
 /// A word of the run command. It comes from a place of its own: that the manual names the register says nothing of its words.
@@ -116,7 +116,7 @@ pub struct WordFacts {
     /// The word.
     pub value: u16,
     /// Where it comes from.
-    pub evidence: Evidence,
+    pub evidence: FactEvidence,
 }
 
 /// The words of the run command.
@@ -148,12 +148,12 @@ pub struct SetupFacts {
     /// What it does, and to what it is set.
     pub text: String,
     /// Where it comes from.
-    pub evidence: Evidence,
+    pub evidence: FactEvidence,
 }
 
 /// All that is known.
 #[derive(Clone, Debug)]
-pub struct Facts {
+pub struct ModelFacts {
     /// Identifier.
     pub id: String,
     /// The maker.
@@ -161,15 +161,15 @@ pub struct Facts {
     /// The series.
     pub title: String,
     /// What the facts cite.
-    pub documents: Documents,
+    pub documents: CitedDocuments,
     /// Settings of the line, and where they come from; `None`: look them up at the panel.
-    pub link: Option<(LinkSettings, Evidence)>,
+    pub link: Option<(LinkSettings, FactEvidence)>,
     /// Most words in one read, and where that comes from.
-    pub max_words: (u16, Evidence),
+    pub max_words: (u16, FactEvidence),
     /// Functions that the drive has, and where they come from.
-    pub functions: (Vec<u8>, Evidence),
+    pub functions: (Vec<u8>, FactEvidence),
     /// Where facts come from for which nothing was asked.
-    pub evidence: Evidence,
+    pub evidence: FactEvidence,
     /// The run command; `None`: the model is only read.
     pub run: Option<RunFacts>,
     /// Flags of the register `status`.
@@ -182,7 +182,7 @@ pub struct Facts {
     pub left_out: Vec<String>,
 }
 
-impl Facts {
+impl ModelFacts {
     /// The model file.
     pub fn text(&self) -> String {
         let mut text = self.head();

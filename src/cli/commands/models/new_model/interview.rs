@@ -1,12 +1,15 @@
 //! What is asked, and in which order. With a drive on a port, registers are read while they are named.
 
 use super::facts::{
-    Documents, Evidence, Facts, FlagFacts, RegisterFacts, RunFacts, SetupFacts, WordFacts,
+    CitedDocuments, FactEvidence, FlagFacts, ModelFacts, RegisterFacts, RunFacts, SetupFacts,
+    WordFacts,
 };
-use super::live::Live;
+use super::live::LiveDrive;
 use super::skeleton::capitalised;
-use crate::cli::tools::questions::{Questions, address_and_place, link_and_place, yes_and_place};
-use crate::cli::tools::{Failure, print};
+use crate::cli::tools::questions::{
+    PersonQuestions, address_and_place, link_and_place, yes_and_place,
+};
+use crate::cli::tools::{CommandFailure, print};
 use std::io::BufRead;
 
 /// Most raw steps in one hertz.
@@ -15,18 +18,18 @@ const STEPS_MAX: u16 = 10_000;
 const WORDS_MAX: u16 = 125;
 
 /// The person, and the drive if there is one.
-pub struct Interview<'i, R> {
+pub struct ModelInterview<'i, R> {
     /// Who answers.
-    pub questions: Questions<R>,
+    pub questions: PersonQuestions<R>,
     /// The drive on the port.
-    pub live: Option<&'i mut Live>,
+    pub live: Option<&'i mut LiveDrive>,
     /// Whether a manual was named, so that a place is one in it.
     pub has_manual: bool,
 }
 
-impl<R: BufRead> Interview<'_, R> {
+impl<R: BufRead> ModelInterview<'_, R> {
     /// Asks everything. `id` is the model's identifier, `date` today.
-    pub fn facts(&mut self, id: &str, date: &str) -> Result<Facts, Failure> {
+    pub fn facts(&mut self, id: &str, date: &str) -> Result<ModelFacts, CommandFailure> {
         print(HEAD)?;
         let (maker, series) = id.split_once('-').unwrap_or((id, id));
         let vendor = self.questions.text("Maker", &capitalised(maker))?;
@@ -36,15 +39,15 @@ impl<R: BufRead> Interview<'_, R> {
             .ask("Title of the manual that you read from (Enter: none)")?;
         let manual = (!manual.is_empty()).then_some(manual);
         self.has_manual = manual.is_some();
-        let documents = Documents {
+        let documents = CitedDocuments {
             manual,
             answered_on: Some(date.to_owned()),
             template: None,
         };
-        let person = Evidence::Person("not in the manual".to_owned());
+        let person = FactEvidence::Person("not in the manual".to_owned());
         let settings = "Factory setting of the line, such as 9600 8N1 (Enter: not known)";
         let link = self.questions.ask_until(settings, link_and_place)?;
-        let mut facts = Facts {
+        let mut facts = ModelFacts {
             id: id.to_owned(),
             vendor,
             title,
@@ -62,7 +65,7 @@ impl<R: BufRead> Interview<'_, R> {
         self.readings(&mut facts)?;
         self.orders(&mut facts)?;
         if facts.registers.is_empty() {
-            return Err(Failure::wrong(
+            return Err(CommandFailure::wrong(
                 "no register was named, so nothing of the drive could be read: nothing was written; look up the address of the \
                  output frequency or of the status word first",
             ));
@@ -70,7 +73,7 @@ impl<R: BufRead> Interview<'_, R> {
         Ok(facts)
     }
 
-    fn max_words(&mut self) -> Result<(u16, Evidence), Failure> {
+    fn max_words(&mut self) -> Result<(u16, FactEvidence), CommandFailure> {
         let (words, place) =
             self.questions
                 .ask_until("Most words in one read (Enter: 1)", |answer| {
@@ -84,7 +87,7 @@ impl<R: BufRead> Interview<'_, R> {
         Ok((words, self.by_place(place, "words in one read")))
     }
 
-    fn functions(&mut self) -> Result<(Vec<u8>, Evidence), Failure> {
+    fn functions(&mut self) -> Result<(Vec<u8>, FactEvidence), CommandFailure> {
         let question = "Does it write single registers (function 06) [Y/n]";
         let (writes_one, place) = self
             .questions
@@ -95,10 +98,10 @@ impl<R: BufRead> Interview<'_, R> {
         ))
     }
 
-    fn readings(&mut self, facts: &mut Facts) -> Result<(), Failure> {
+    fn readings(&mut self, facts: &mut ModelFacts) -> Result<(), CommandFailure> {
         if let Some((address, evidence)) = self.register("Output frequency", "none")? {
             let (scale, evidence) = self.scale(address, "output frequency", evidence)?;
-            let of = Of {
+            let of = RegisterIdentity {
                 name: "output_frequency",
                 title: "Output frequency",
                 role: Some("output-frequency"),
@@ -108,7 +111,7 @@ impl<R: BufRead> Interview<'_, R> {
                 .push(of.read(address, scale, "Hz", "fast", evidence));
         }
         if let Some((address, evidence)) = self.register("Status word", "none")? {
-            let of = Of {
+            let of = RegisterIdentity {
                 name: "status",
                 title: "Status",
                 role: None,
@@ -121,7 +124,7 @@ impl<R: BufRead> Interview<'_, R> {
         if let Some((address, evidence)) =
             self.register("Number of the trip that holds, 0 for no trip", "none")?
         {
-            let of = Of {
+            let of = RegisterIdentity {
                 name: "trip_code",
                 title: "Trip that holds, 0 for none",
                 role: Some("trip-code"),
@@ -134,7 +137,7 @@ impl<R: BufRead> Interview<'_, R> {
     }
 
     /// Bits of the status word. With a drive, `running` is what differs between standstill and running.
-    fn flags(&mut self, address: u16, facts: &mut Facts) -> Result<(), Failure> {
+    fn flags(&mut self, address: u16, facts: &mut ModelFacts) -> Result<(), CommandFailure> {
         let seen = self.running_bits(address)?;
         let shown = seen
             .map(|bits| format!(" [0x{bits:04X}]"))
@@ -158,7 +161,7 @@ impl<R: BufRead> Interview<'_, R> {
             let found = match (given, seen) {
                 (Some((mask, place)), _) => Some((mask, self.by_place(place, "bits"))),
                 (None, Some(bits)) => {
-                    Some((bits, Evidence::Person("seen at the drive".to_owned())))
+                    Some((bits, FactEvidence::Person("seen at the drive".to_owned())))
                 }
                 (None, None) => None,
             };
@@ -172,7 +175,7 @@ impl<R: BufRead> Interview<'_, R> {
     }
 
     /// The bits that are 0 at standstill and 1 while the motor runs; `None` without a drive, or if there are none.
-    fn running_bits(&mut self, address: u16) -> Result<Option<u16>, Failure> {
+    fn running_bits(&mut self, address: u16) -> Result<Option<u16>, CommandFailure> {
         if self.live.is_none()
             || !self.questions.yes(
                 "Find the bit for `running`: can you run the motor at the panel",
@@ -198,7 +201,7 @@ impl<R: BufRead> Interview<'_, R> {
         Ok((bits.count_ones() == 1).then_some(bits))
     }
 
-    fn orders(&mut self, facts: &mut Facts) -> Result<(), Failure> {
+    fn orders(&mut self, facts: &mut ModelFacts) -> Result<(), CommandFailure> {
         if !facts
             .registers
             .iter()
@@ -212,7 +215,7 @@ impl<R: BufRead> Interview<'_, R> {
         else {
             return Ok(());
         };
-        let of = Of {
+        let of = RegisterIdentity {
             name: "run_command",
             title: "Run command",
             role: Some("run-command"),
@@ -243,7 +246,7 @@ impl<R: BufRead> Interview<'_, R> {
         )?;
         let (address, evidence) = self.placed(setpoint)?;
         let (scale, evidence) = self.scale(address, "set frequency", evidence)?;
-        let of = Of {
+        let of = RegisterIdentity {
             name: "frequency_command",
             title: "Frequency command",
             role: Some("frequency-command"),
@@ -254,13 +257,13 @@ impl<R: BufRead> Interview<'_, R> {
         self.setup(facts)
     }
 
-    fn needed_word(&mut self, question: &str) -> Result<WordFacts, Failure> {
+    fn needed_word(&mut self, question: &str) -> Result<WordFacts, CommandFailure> {
         self.order_word(question, |given| {
             given
                 .map(Some)
                 .ok_or_else(|| "a drive that runs needs it".to_owned())
         })?
-        .ok_or_else(|| Failure::failed("no word was given"))
+        .ok_or_else(|| CommandFailure::failed("no word was given"))
     }
 
     /// A word of the run command with the place that states it.
@@ -270,7 +273,7 @@ impl<R: BufRead> Interview<'_, R> {
         is_enough: impl Fn(
             Option<(u16, Option<String>)>,
         ) -> Result<Option<(u16, Option<String>)>, String>,
-    ) -> Result<Option<WordFacts>, Failure> {
+    ) -> Result<Option<WordFacts>, CommandFailure> {
         let given = self
             .questions
             .ask_until(question, |answer| is_enough(address_and_place(answer)?))?;
@@ -281,15 +284,15 @@ impl<R: BufRead> Interview<'_, R> {
     }
 
     /// The manual at `place`, or the person.
-    fn by_place(&self, place: Option<String>, what: &str) -> Evidence {
+    fn by_place(&self, place: Option<String>, what: &str) -> FactEvidence {
         match place {
-            Some(place) if self.has_manual => Evidence::Manual(place),
-            Some(place) => Evidence::Person(format!("{place}; no manual was named")),
-            None => Evidence::Person(format!("{what}, not in the manual")),
+            Some(place) if self.has_manual => FactEvidence::Manual(place),
+            Some(place) => FactEvidence::Person(format!("{place}; no manual was named")),
+            None => FactEvidence::Person(format!("{what}, not in the manual")),
         }
     }
 
-    fn setup(&mut self, facts: &mut Facts) -> Result<(), Failure> {
+    fn setup(&mut self, facts: &mut ModelFacts) -> Result<(), CommandFailure> {
         print("Settings under which it obeys the line, one after the other.\n")?;
         loop {
             let code = self
@@ -312,7 +315,11 @@ impl<R: BufRead> Interview<'_, R> {
     }
 
     /// A register by its address; `None` if the drive has none, or it is not known, which means `without`.
-    fn register(&mut self, what: &str, without: &str) -> Result<Option<(u16, Evidence)>, Failure> {
+    fn register(
+        &mut self,
+        what: &str,
+        without: &str,
+    ) -> Result<Option<(u16, FactEvidence)>, CommandFailure> {
         let question = format!(
             "{what}: address, and place in the manual, such as `0x2101 table 9-3` (Enter: {without})"
         );
@@ -325,13 +332,13 @@ impl<R: BufRead> Interview<'_, R> {
     fn placed(
         &mut self,
         (address, place): (u16, Option<String>),
-    ) -> Result<(u16, Evidence), Failure> {
+    ) -> Result<(u16, FactEvidence), CommandFailure> {
         self.read(address)?;
         Ok((address, self.by_place(place, &format!("0x{address:04X}"))))
     }
 
     /// What the drive holds at `address`, which is shown; `None` without a drive or an answer.
-    fn read(&mut self, address: u16) -> Result<Option<u16>, Failure> {
+    fn read(&mut self, address: u16) -> Result<Option<u16>, CommandFailure> {
         let Some(live) = &mut self.live else {
             return Ok(None);
         };
@@ -350,8 +357,8 @@ impl<R: BufRead> Interview<'_, R> {
         &mut self,
         address: u16,
         what: &str,
-        evidence: Evidence,
-    ) -> Result<(u32, Evidence), Failure> {
+        evidence: FactEvidence,
+    ) -> Result<(u32, FactEvidence), CommandFailure> {
         let found = self.compared(address, what)?;
         let shown = found.map(|scale| format!(" [{scale}]")).unwrap_or_default();
         let question =
@@ -369,7 +376,7 @@ impl<R: BufRead> Interview<'_, R> {
         Ok((scale, evidence.and_steps(place)))
     }
 
-    fn compared(&mut self, address: u16, what: &str) -> Result<Option<u32>, Failure> {
+    fn compared(&mut self, address: u16, what: &str) -> Result<Option<u32>, CommandFailure> {
         if self.live.is_none() {
             return Ok(None);
         }
@@ -426,20 +433,20 @@ fn bits_named(mask: u16) -> String {
 }
 
 /// What a register is.
-struct Of {
+struct RegisterIdentity {
     name: &'static str,
     title: &'static str,
     role: Option<&'static str>,
 }
 
-impl Of {
+impl RegisterIdentity {
     fn read(
         self,
         address: u16,
         scale: u32,
         unit: &'static str,
         poll: &'static str,
-        evidence: Evidence,
+        evidence: FactEvidence,
     ) -> RegisterFacts {
         RegisterFacts {
             poll: Some(poll),
@@ -453,7 +460,7 @@ impl Of {
         scale: u32,
         unit: &'static str,
         access: &'static str,
-        evidence: Evidence,
+        evidence: FactEvidence,
     ) -> RegisterFacts {
         RegisterFacts {
             name: self.name.to_owned(),

@@ -1,8 +1,8 @@
 //! The drive in front of the person, where there is one: single reads, nothing else.
 
-use crate::cli::tools::Failure;
+use crate::cli::tools::CommandFailure;
 use crate::cli::tools::link_args::LinkArgs;
-use crate::cli::tools::scanning::single::{Heard, SingleReads};
+use crate::cli::tools::scanning::single::{ReadOutcome, SingleReads};
 use crate::config::{self, PortAddress};
 use crate::domain::address::Address;
 use crate::domain::link::{LinkSettings, Parity};
@@ -25,14 +25,14 @@ pub struct LiveArgs {
 }
 
 /// A drive that is read.
-pub struct Live {
+pub struct LiveDrive {
     runtime: Runtime,
     reads: SingleReads,
 }
 
-impl Live {
+impl LiveDrive {
     /// Opens the port, if one is given. Listens first, and refuses a line with traffic.
-    pub fn open(args: &LiveArgs) -> Result<Option<Self>, Failure> {
+    pub fn open(args: &LiveArgs) -> Result<Option<Self>, CommandFailure> {
         let (Some(port), Some(station)) = (&args.port, args.station) else {
             return Ok(None);
         };
@@ -46,7 +46,7 @@ impl Live {
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
             .build()
-            .map_err(Failure::failed)?;
+            .map_err(CommandFailure::failed)?;
         let reads = runtime.block_on(SingleReads::open(
             port,
             link,
@@ -57,15 +57,15 @@ impl Live {
     }
 
     /// The word of the holding register at `address`, or why there is none, for people.
-    pub fn read(&mut self, address: u16) -> Result<Result<u16, String>, Failure> {
+    pub fn read(&mut self, address: u16) -> Result<Result<u16, String>, CommandFailure> {
         let heard = self
             .runtime
             .block_on(self.reads.read(Address::holding(address)))?;
         Ok(match heard {
-            Heard::Word(word) => Ok(word),
-            Heard::Exception(code) => Err(format!("the drive answers with exception {code}")),
-            Heard::Damaged => Err("the answer was damaged".to_owned()),
-            Heard::Silent => Err("the drive does not answer".to_owned()),
+            ReadOutcome::Word(word) => Ok(word),
+            ReadOutcome::Exception(code) => Err(format!("the drive answers with exception {code}")),
+            ReadOutcome::Damaged => Err("the answer was damaged".to_owned()),
+            ReadOutcome::Silent => Err("the drive does not answer".to_owned()),
         })
     }
 

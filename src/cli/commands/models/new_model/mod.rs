@@ -10,14 +10,14 @@ mod template;
 mod trial;
 
 use crate::cli::tools::own_models::ModelDirs;
-use crate::cli::tools::questions::Questions;
-use crate::cli::tools::{Failure, input, print};
+use crate::cli::tools::questions::PersonQuestions;
+use crate::cli::tools::{CommandFailure, input, print};
 use crate::daemon::host::clock;
-use crate::daemon::host::whole_files::{self, Readers};
+use crate::daemon::host::whole_files::{self, FileReaders};
 use crate::domain::calendar;
 use crate::vendors;
-use interview::Interview;
-use live::{Live, LiveArgs};
+use interview::ModelInterview;
+use live::{LiveArgs, LiveDrive};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -66,13 +66,13 @@ fn identifier(text: &str) -> Result<String, String> {
 }
 
 /// Asks, writes the file, checks it, and plays it.
-pub fn new(args: &Args, own: &ModelDirs) -> Result<(), Failure> {
+pub fn new(args: &Args, own: &ModelDirs) -> Result<(), CommandFailure> {
     let out = args
         .out
         .clone()
         .unwrap_or_else(|| PathBuf::from(format!("{}.toml", args.id)));
     if out.exists() {
-        return Err(Failure::wrong(format!(
+        return Err(CommandFailure::wrong(format!(
             "{} already exists and is not overwritten",
             out.display()
         )));
@@ -97,35 +97,35 @@ pub fn new(args: &Args, own: &ModelDirs) -> Result<(), Failure> {
     super::check_file(&out, &ModelDirs::default())?;
     let seen = played(&args.id, &out, &text);
     let seen =
-        seen.map_err(|failure| Failure::failed(format!("On a simulated drive: {failure}")))?;
+        seen.map_err(|failure| CommandFailure::failed(format!("On a simulated drive: {failure}")))?;
     print(&format!("On a simulated drive: {seen}\n"))
 }
 
-fn written(out: &Path, text: &str) -> Result<(), Failure> {
-    whole_files::create(out, text.as_bytes(), Readers::All)
-        .map_err(|error| Failure::failed(format!("{}: {error}", out.display())))?;
+fn written(out: &Path, text: &str) -> Result<(), CommandFailure> {
+    whole_files::create(out, text.as_bytes(), FileReaders::All)
+        .map_err(|error| CommandFailure::failed(format!("{}: {error}", out.display())))?;
     print(&format!("\n{} is written.\n", out.display()))
 }
 
 /// Asks everything, shows what the file will say, and returns it if the person agrees.
-fn asked(args: &Args, out: &Path) -> Result<facts::Facts, Failure> {
-    let mut live = Live::open(&args.live)?;
+fn asked(args: &Args, out: &Path) -> Result<facts::ModelFacts, CommandFailure> {
+    let mut live = LiveDrive::open(&args.live)?;
     let date = calendar::day(clock::wall());
-    let questions = Questions::new(io::stdin().lock());
-    let mut interview = Interview {
+    let questions = PersonQuestions::new(io::stdin().lock());
+    let mut interview = ModelInterview {
         questions,
         live: live.as_mut(),
         has_manual: false,
     };
     let facts = interview.facts(&args.id, &date).and_then(|facts| {
-        print(&summary::of(&facts))?;
+        print(&summary::summary_rows(&facts))?;
         let agrees = interview
             .questions
             .yes(&format!("Write this to {}", out.display()), true)?;
         if agrees {
             Ok(facts)
         } else {
-            Err(Failure::wrong("nothing was written"))
+            Err(CommandFailure::wrong("nothing was written"))
         }
     });
     if let Some(live) = live {
@@ -135,17 +135,17 @@ fn asked(args: &Args, out: &Path) -> Result<facts::Facts, Failure> {
 }
 
 /// The model alone in a directory of its own, because others beside it may have mistakes.
-fn played(id: &str, file: &Path, text: &str) -> Result<String, Failure> {
+fn played(id: &str, file: &Path, text: &str) -> Result<String, CommandFailure> {
     let name = file.display().to_string();
     let catalog = vendors::catalog()
         .with_texts([(name, text)])
-        .map_err(|_| Failure::failed("the file is not sound"))?;
+        .map_err(|_| CommandFailure::failed("the file is not sound"))?;
     let model = catalog
         .find(id)
-        .ok_or_else(|| Failure::failed(format!("no model is called {id}")))?;
-    let directory = crate::cli::tools::own_gateway::Directory::new()?;
+        .ok_or_else(|| CommandFailure::failed(format!("no model is called {id}")))?;
+    let directory = crate::cli::tools::own_gateway::PrivateDirectory::new()?;
     let alone = directory.path().join("model.toml");
     std::fs::write(&alone, text)
-        .map_err(|error| Failure::failed(format!("{}: {error}", alone.display())))?;
+        .map_err(|error| CommandFailure::failed(format!("{}: {error}", alone.display())))?;
     trial::play(model, directory.path().to_path_buf())
 }

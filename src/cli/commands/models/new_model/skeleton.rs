@@ -1,6 +1,6 @@
 //! The text of a new model file: a skeleton with places to fill, or one that begins from another model.
 
-use crate::profile::model::{Model, OrderKind, Register, Role};
+use crate::profile::model::{Model, OrderKind, Register, RegisterRole};
 use std::fmt::Write;
 
 /// A model file whose facts are to be filled; `@ID@`, `@VENDOR@` and `@TITLE@` stand for those of the model.
@@ -78,7 +78,7 @@ pub fn like(id: &str, base: &Model) -> String {
             continue;
         };
         let own = base
-            .register_for(Role::RunCommand)
+            .register_for(RegisterRole::RunCommand)
             .is_none_or(|register| register.address != address);
         let place = base
             .registers
@@ -94,9 +94,9 @@ pub fn like(id: &str, base: &Model) -> String {
         );
     }
     for role in [
-        Role::RunCommand,
-        Role::FrequencyCommand,
-        Role::OutputFrequency,
+        RegisterRole::RunCommand,
+        RegisterRole::FrequencyCommand,
+        RegisterRole::OutputFrequency,
     ] {
         if let Some(register) = base.register_for(role) {
             stated_again(&mut text, register, document);

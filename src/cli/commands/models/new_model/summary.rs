@@ -1,7 +1,7 @@
 //! What a new model file will say of the line, of what moves the motor and of what shows that it does, with its grades, for a
 //! last look.
 
-use super::facts::{Evidence, Facts, FlagFacts};
+use super::facts::{FactEvidence, FlagFacts, ModelFacts};
 use std::fmt::Write;
 
 /// What stands below the rows: what no program can find out.
@@ -11,12 +11,12 @@ configuration, `vfd-gateway qualify DRIVE` tries the words with the motor in fro
 ";
 
 /// The rows of `facts`: the line, orders, flags, registers that the gateway uses, and settings at the panel.
-pub fn of(facts: &Facts) -> String {
+pub fn summary_rows(facts: &ModelFacts) -> String {
     let mut text = format!(
         "\n{} ({} {}). What the file says:\n",
         facts.id, facts.vendor, facts.title
     );
-    let mut row = |what: &str, value: &str, evidence: &Evidence| {
+    let mut row = |what: &str, value: &str, evidence: &FactEvidence| {
         let _ = writeln!(
             text,
             "  {what:<28} {value:<10} {:<11} {}",
@@ -85,15 +85,15 @@ pub fn of(facts: &Facts) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::interview::Interview;
+    use super::super::interview::ModelInterview;
     use super::*;
-    use crate::cli::tools::questions::Questions;
+    use crate::cli::tools::questions::PersonQuestions;
 
     /// The facts of these answers, without a drive on a port.
-    fn asked(answers: &[&str]) -> Result<Facts, String> {
+    fn asked(answers: &[&str]) -> Result<ModelFacts, String> {
         let answers = answers.join("\n") + "\n";
-        let questions = Questions::new(answers.as_bytes());
-        let mut interview = Interview {
+        let questions = PersonQuestions::new(answers.as_bytes());
+        let mut interview = ModelInterview {
             questions,
             live: None,
             has_manual: false,
@@ -127,7 +127,7 @@ mod tests {
             "9.8",
             "",
         ];
-        let text = of(&asked(&answers).unwrap());
+        let text = summary_rows(&asked(&answers).unwrap());
         for row in [
             "line                         19200 8N1  manual      UM 9.1\n",
             "words in one read            8          manual      UM 9.3\n",

@@ -1,8 +1,8 @@
 //! Device templates of wb-mqtt-serial: their channels become registers that are only read. What a template states of orders
 //! is left out, because it does not say what stops the motor.
 
-use super::facts::{Documents, Evidence, Facts, RegisterFacts};
-use crate::cli::tools::Failure;
+use super::facts::{CitedDocuments, FactEvidence, ModelFacts, RegisterFacts};
+use crate::cli::tools::CommandFailure;
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -13,8 +13,8 @@ const CHANNELS_MAX: usize = 500;
 const SCALE_MAX: u32 = 10_000;
 
 /// The model called `id` from the template `text` in `file`.
-pub fn facts(id: &str, file: &Path, text: &str) -> Result<Facts, Failure> {
-    let wrong = |what: String| Failure::wrong(format!("{}: {what}", file.display()));
+pub fn facts(id: &str, file: &Path, text: &str) -> Result<ModelFacts, CommandFailure> {
+    let wrong = |what: String| CommandFailure::wrong(format!("{}: {what}", file.display()));
     let json: Value =
         serde_json::from_str(text).map_err(|error| wrong(format!("it is not JSON: {error}")))?;
     let device = &json["device"];
@@ -32,7 +32,7 @@ pub fn facts(id: &str, file: &Path, text: &str) -> Result<Facts, Failure> {
         .or(json["device_type"].as_str())
         .unwrap_or(id);
     let (maker, series) = id.split_once('-').unwrap_or((id, id));
-    let mut registers = Registers::default();
+    let mut registers = TemplateRegisters::default();
     for channel in channels.iter().take(CHANNELS_MAX) {
         registers.add(channel);
     }
@@ -54,14 +54,14 @@ pub fn facts(id: &str, file: &Path, text: &str) -> Result<Facts, Failure> {
             "no channel of it is a whole 16-bit register with decimal steps".to_owned(),
         ));
     }
-    let evidence = Evidence::Template("not stated there".to_owned());
-    Ok(Facts {
+    let evidence = FactEvidence::Template("not stated there".to_owned());
+    Ok(ModelFacts {
         id: id.to_owned(),
         vendor: maker.to_owned(),
         title: series.to_owned(),
-        documents: Documents {
+        documents: CitedDocuments {
             template: Some(format!("{title}, {name} of wb-mqtt-serial")),
-            ..Documents::default()
+            ..CitedDocuments::default()
         },
         link: None,
         max_words: (1, evidence.clone()),
@@ -76,14 +76,14 @@ pub fn facts(id: &str, file: &Path, text: &str) -> Result<Facts, Failure> {
 }
 
 #[derive(Default)]
-struct Registers {
+struct TemplateRegisters {
     taken: Vec<RegisterFacts>,
     known: BTreeSet<(Option<&'static str>, u16)>,
     names: BTreeSet<String>,
     left_out: Vec<String>,
 }
 
-impl Registers {
+impl TemplateRegisters {
     fn add(&mut self, channel: &Value) {
         let title = channel["name"]
             .as_str()
@@ -138,7 +138,7 @@ impl Registers {
             role: None,
             // What the template leaves off is read on request.
             poll: (!is_off || self.taken.is_empty()).then_some("slow"),
-            evidence: Evidence::Template(format!("channel {title}")),
+            evidence: FactEvidence::Template(format!("channel {title}")),
         })
     }
 

@@ -1,11 +1,11 @@
 //! A new model is tried on a simulated drive: read, and, where it takes orders, run and stopped through the guard.
 
-use crate::cli::tools::Failure;
-use crate::cli::tools::client::{Client, Way};
-use crate::cli::tools::own_gateway::{DriveArgs, Extra, OwnGateway, UNIFORM_UNIT, control};
+use crate::cli::tools::CommandFailure;
+use crate::cli::tools::client::{GatewayPath, UnitClient};
+use crate::cli::tools::own_gateway::{DriveArgs, OwnGateway, ToolAccess, UNIFORM_UNIT, control};
 use crate::cli::tools::own_models::ModelDirs;
 use crate::cli::tools::stopping::stop;
-use crate::cli::tools::straight_write::{Straight, arm_simulated};
+use crate::cli::tools::straight_write::{StraightOptions, arm_simulated};
 use crate::config::PortAddress;
 use crate::daemon::host::pty::Pty;
 use crate::daemon::lines::simulator;
@@ -33,8 +33,8 @@ const STATE: u16 = 2;
 const RUNNING_FORWARD: u16 = 2;
 
 /// Plays `model`, whose file is in `models`, and returns what was seen.
-pub fn play(model: &Arc<Model>, models: PathBuf) -> Result<String, Failure> {
-    let pty = Pty::new().map_err(Failure::failed)?;
+pub fn play(model: &Arc<Model>, models: PathBuf) -> Result<String, CommandFailure> {
+    let pty = Pty::new().map_err(CommandFailure::failed)?;
     let link = model.link.played();
     let mut bus = SimBus::new(link, BusOptions::default(), 1);
     bus.connect(
@@ -46,25 +46,29 @@ pub fn play(model: &Arc<Model>, models: PathBuf) -> Result<String, Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
-        .map_err(Failure::failed)?;
+        .map_err(CommandFailure::failed)?;
     simulator::play_beside(
         &pty,
         &mut bus,
         |_, _| (),
         || runtime.block_on(tried(&port, &args, model)),
     )
-    .map_err(Failure::failed)?
+    .map_err(CommandFailure::failed)?
 }
 
-async fn tried(port: &PortAddress, args: &DriveArgs, model: &Model) -> Result<String, Failure> {
+async fn tried(
+    port: &PortAddress,
+    args: &DriveArgs,
+    model: &Model,
+) -> Result<String, CommandFailure> {
     let poll = Some(Duration::from_millis(200));
     if model.run.is_none() {
         OwnGateway::start(
             port,
             args,
-            &Extra {
+            &ToolAccess {
                 poll,
-                ..Extra::default()
+                ..ToolAccess::default()
             },
         )
         .await?
@@ -73,11 +77,11 @@ async fn tried(port: &PortAddress, args: &DriveArgs, model: &Model) -> Result<St
         return Ok("it is read; it takes no orders".to_owned());
     }
     let unproven = !model.unproven_basics().is_empty();
-    let extra = Extra {
+    let extra = ToolAccess {
         control: control(LIMITS_HZ, "forward", "stop"),
         moves: true,
         accept_unverified: if unproven {
-            vec![ControlAction::Basic.word().to_owned()]
+            vec![ControlAction::Basic.keyword().to_owned()]
         } else {
             Vec::new()
         },
@@ -85,21 +89,24 @@ async fn tried(port: &PortAddress, args: &DriveArgs, model: &Model) -> Result<St
         poll,
     };
     let own = OwnGateway::start(port, args, &extra).await?;
-    let mut client = Client::new(Way::Own(own.connections()), UNIFORM_UNIT);
+    let mut client = UnitClient::new(GatewayPath::Own(own.connections()), UNIFORM_UNIT);
     let done = run_and_stop(&mut client).await;
     own.close().await;
     done
 }
 
-async fn run_and_stop(client: &mut Client) -> Result<String, Failure> {
-    arm_simulated(client, &Straight::with_frequency(FREQUENCY_HZ)).await?;
+async fn run_and_stop(client: &mut UnitClient) -> Result<String, CommandFailure> {
+    arm_simulated(client, &StraightOptions::with_frequency(FREQUENCY_HZ)).await?;
     client
         .write(map::RUN, 1)
         .await
-        .map_err(|error| Failure::failed(format!("run forward: {error}")))?;
+        .map_err(|error| CommandFailure::failed(format!("run forward: {error}")))?;
     let until = Instant::now() + RUNS_WITHIN;
     let runs = loop {
-        let state = client.read(STATE, 1).await.map_err(Failure::failed)?;
+        let state = client
+            .read(STATE, 1)
+            .await
+            .map_err(CommandFailure::failed)?;
         let runs = state.first() == Some(&RUNNING_FORWARD);
         if runs || Instant::now() >= until {
             break runs;
@@ -108,7 +115,7 @@ async fn run_and_stop(client: &mut Client) -> Result<String, Failure> {
     };
     let stopped = stop(client).await?;
     if !runs {
-        return Err(Failure::failed(
+        return Err(CommandFailure::failed(
             "after the word for forward the drive does not show that it runs forward",
         ));
     }

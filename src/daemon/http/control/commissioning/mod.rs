@@ -2,20 +2,20 @@
 
 mod shown;
 
-use super::Control;
-use super::admission::{Admitted, Refused, admit_with, refused, signed_in};
+use super::HttpControl;
+use super::admission::{AdmittedRequest, Refused, admit_with, refused, signed_in};
 use super::commands::find;
 use crate::daemon::commissioning::file::NotDone;
-use crate::daemon::commissioning::wanted::{Wanted, wanted};
+use crate::daemon::commissioning::wanted::{WantedAddition, wanted};
 use crate::daemon::commissioning::{self, Commissioning, Settings};
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::host::adapters;
 use crate::daemon::http::answers::{json, refusal};
 use crate::daemon::http::setup;
-use crate::daemon::local::Who;
+use crate::daemon::local::OrderingClient;
 use crate::domain::address::Address;
 use crate::domain::command::{Outcome, Reason, Report};
-use crate::journal::Tried;
+use crate::journal::TriedWrite;
 use crate::north::setup_body::{EXAMPLE, addresses};
 use crate::toml_file::words::PARITIES;
 use axum::Router;
@@ -39,7 +39,7 @@ const OFF: &str = "set-up in the page is off: `setup = true` in [http] turns it 
 const NOT_YOURS: &str = "this needs the role `setup`";
 
 /// The routes.
-pub(super) fn router(control: Arc<Control>) -> Router {
+pub(super) fn router(control: Arc<HttpControl>) -> Router {
     Router::new()
         .route("/api/v1/setup", get(site))
         .route("/api/v1/setup/scan", get(scan).post(begin).delete(forget))
@@ -53,12 +53,12 @@ pub(super) fn router(control: Arc<Control>) -> Router {
 type Answer = Result<Response, Refused>;
 
 /// Refusals of commissioning itself.
-impl From<commissioning::Refused> for Refused {
-    fn from(why: commissioning::Refused) -> Self {
+impl From<commissioning::CommissioningRefusal> for Refused {
+    fn from(why: commissioning::CommissioningRefusal) -> Self {
         let status = match why {
-            commissioning::Refused::Wrong(_) => StatusCode::BAD_REQUEST,
-            commissioning::Refused::InTheWay(_) => StatusCode::CONFLICT,
-            commissioning::Refused::NotThere(_) => StatusCode::NOT_FOUND,
+            commissioning::CommissioningRefusal::Wrong(_) => StatusCode::BAD_REQUEST,
+            commissioning::CommissioningRefusal::InTheWay(_) => StatusCode::CONFLICT,
+            commissioning::CommissioningRefusal::NotThere(_) => StatusCode::NOT_FOUND,
         };
         refused(status, &why.to_string())
     }
@@ -69,13 +69,13 @@ fn answered(answer: Answer) -> Response {
 }
 
 /// Commissioning, for a user who only looks.
-fn looked_at(control: &Control, headers: &HeaderMap) -> Result<Arc<Commissioning>, Refused> {
+fn looked_at(control: &HttpControl, headers: &HeaderMap) -> Result<Arc<Commissioning>, Refused> {
     let rights = signed_in(control, headers)
         .ok_or_else(|| refused(StatusCode::UNAUTHORIZED, "you are not signed in"))?;
     allowed(control, rights.may_set_up())
 }
 
-fn allowed(control: &Control, may_set_up: bool) -> Result<Arc<Commissioning>, Refused> {
+fn allowed(control: &HttpControl, may_set_up: bool) -> Result<Arc<Commissioning>, Refused> {
     match &control.commissioning {
         Some(commissioning) if control.front.load().sets_up() => {
             if may_set_up {
@@ -90,10 +90,10 @@ fn allowed(control: &Control, may_set_up: bool) -> Result<Arc<Commissioning>, Re
 
 /// A request that does something, with who sent it.
 async fn admitted(
-    control: &Control,
+    control: &HttpControl,
     request: Request,
-) -> Result<(Arc<Commissioning>, Who, Bytes), Refused> {
-    let Admitted {
+) -> Result<(Arc<Commissioning>, OrderingClient, Bytes), Refused> {
+    let AdmittedRequest {
         user,
         rights,
         body,
@@ -105,11 +105,11 @@ async fn admitted(
     let commissioning = allowed(control, rights.may_set_up())?;
     match old {
         Some(old) => Err(refused(StatusCode::CONFLICT, &old.to_string())),
-        None => Ok((commissioning, Who::signed_in(user), body)),
+        None => Ok((commissioning, OrderingClient::signed_in(user), body)),
     }
 }
 
-async fn site(State(control): State<Arc<Control>>, headers: HeaderMap) -> Response {
+async fn site(State(control): State<Arc<HttpControl>>, headers: HeaderMap) -> Response {
     let answer = async {
         let commissioning = looked_at(&control, &headers)?;
         let present = commissioning.present().await;
@@ -122,7 +122,7 @@ async fn site(State(control): State<Arc<Control>>, headers: HeaderMap) -> Respon
     answered(answer.await)
 }
 
-async fn scan(State(control): State<Arc<Control>>, headers: HeaderMap) -> Response {
+async fn scan(State(control): State<Arc<HttpControl>>, headers: HeaderMap) -> Response {
     answered(
         looked_at(&control, &headers).map(|commissioning| match commissioning.scan() {
             Some(scan) => json(&scan_json(&scan)).into_response(),
@@ -131,7 +131,7 @@ async fn scan(State(control): State<Arc<Control>>, headers: HeaderMap) -> Respon
     )
 }
 
-async fn begin(State(control): State<Arc<Control>>, request: Request) -> Response {
+async fn begin(State(control): State<Arc<HttpControl>>, request: Request) -> Response {
     let answer = async {
         let (commissioning, who, body) = admitted(&control, request).await?;
         let expected = r#"a body such as {"port": "/dev/ttyUSB0", "stations": "1-32"} is expected"#;
@@ -171,7 +171,7 @@ fn settings(link: &Value) -> Option<Settings> {
     })
 }
 
-async fn forget(State(control): State<Arc<Control>>, request: Request) -> Response {
+async fn forget(State(control): State<Arc<HttpControl>>, request: Request) -> Response {
     let answer = async {
         let (commissioning, ..) = admitted(&control, request).await?;
         commissioning.forget().await;
@@ -180,7 +180,7 @@ async fn forget(State(control): State<Arc<Control>>, request: Request) -> Respon
     answered(answer.await)
 }
 
-async fn values(State(control): State<Arc<Control>>, request: Request) -> Response {
+async fn values(State(control): State<Arc<HttpControl>>, request: Request) -> Response {
     let answer = async {
         let (commissioning, _, body) = admitted(&control, request).await?;
         let expected = r#"a body such as {"station": 3, "models": ["the id of one"]} is expected"#;
@@ -202,7 +202,7 @@ async fn values(State(control): State<Arc<Control>>, request: Request) -> Respon
     answered(answer.await)
 }
 
-async fn propose(State(control): State<Arc<Control>>, request: Request) -> Response {
+async fn propose(State(control): State<Arc<HttpControl>>, request: Request) -> Response {
     let answer = async {
         let (commissioning, _, body) = admitted(&control, request).await?;
         let (wanted, _) = wanted(&body)?;
@@ -211,7 +211,7 @@ async fn propose(State(control): State<Arc<Control>>, request: Request) -> Respo
     answered(answer.await)
 }
 
-async fn apply(State(control): State<Arc<Control>>, request: Request) -> Response {
+async fn apply(State(control): State<Arc<HttpControl>>, request: Request) -> Response {
     let answer = async {
         let (commissioning, who, body) = admitted(&control, request).await?;
         let (wanted, digest) = wanted(&body)?;
@@ -265,26 +265,26 @@ async fn apply(State(control): State<Arc<Control>>, request: Request) -> Respons
 }
 
 /// What was changed, for log and audit.
-fn described(wanted: &Wanted) -> String {
+fn described(wanted: &WantedAddition) -> String {
     match wanted {
-        Wanted::Line { name, drives } => {
+        WantedAddition::Line { name, drives } => {
             let drives: Vec<_> = drives.iter().map(|drive| drive.name.as_str()).collect();
             format!("set-up: line {name} with {}", drives.join(", "))
         }
-        Wanted::Control { drive, .. } => format!("set-up: control of {drive}"),
+        WantedAddition::Control { drive, .. } => format!("set-up: control of {drive}"),
     }
 }
 
 /// Keeps in the audit what a user did here; why it was refused is part of the text.
-fn kept(control: &Control, who: Who, outcome: Outcome, what: &str) {
-    let tried = Tried::Text(what.chars().take(KEPT_CHARS).collect());
+fn kept(control: &HttpControl, who: OrderingClient, outcome: Outcome, what: &str) {
+    let tried = TriedWrite::Text(what.chars().take(KEPT_CHARS).collect());
     control
         .side
         .keep(who, None, tried, Report::new(outcome, Reason::None));
 }
 
 async fn verify(
-    State(control): State<Arc<Control>>,
+    State(control): State<Arc<HttpControl>>,
     Path(name): Path<String>,
     headers: HeaderMap,
 ) -> Response {
@@ -292,7 +292,7 @@ async fn verify(
         let commissioning = looked_at(&control, &headers)?;
         let (side, drive) = (commissioning.side(), drive(&control, &name)?);
         let _place = side.place().ok_or_else(too_many)?;
-        Ok(json(&setup::look(side, &drive).await).into_response())
+        Ok(json(&setup::setup_json(side, &drive).await).into_response())
     };
     answered(answer.await)
 }
@@ -300,7 +300,7 @@ async fn verify(
 /// Sets what the drive's model demands for bus control, as `vfd-gateway enable` does: the gateway is the tool of a user
 /// whom the configuration allows this.
 async fn enable(
-    State(control): State<Arc<Control>>,
+    State(control): State<Arc<HttpControl>>,
     Path(name): Path<String>,
     request: Request,
 ) -> Response {
@@ -343,7 +343,7 @@ async fn enable(
     answered(answer.await)
 }
 
-fn drive(control: &Control, name: &str) -> Result<Arc<SharedDrive>, Refused> {
+fn drive(control: &HttpControl, name: &str) -> Result<Arc<SharedDrive>, Refused> {
     find(control, name).ok_or_else(|| refused(StatusCode::NOT_FOUND, "there is no such drive"))
 }
 

@@ -2,13 +2,13 @@
 
 use crate::config::words::{FAIL_SAFES, of_fail_safe};
 use crate::config::{Config, DriveSettings, LineSettings, PortAddress};
-use crate::daemon::commissioning::file::Proposal;
-use crate::daemon::commissioning::running::{Running, ScanState};
+use crate::daemon::commissioning::file::ConfigProposal;
+use crate::daemon::commissioning::running::{RunningScan, ScanState};
 use crate::daemon::commissioning::values::LiveValue;
-use crate::daemon::commissioning::{Commissioning, Refused};
-use crate::daemon::host::adapters::Adapter;
+use crate::daemon::commissioning::{Commissioning, CommissioningRefusal};
+use crate::daemon::host::adapters::SerialAdapter;
 use crate::daemon::scan::plan::setting_text;
-use crate::daemon::scan::survey::Finding;
+use crate::daemon::scan::survey::FoundDrive;
 use crate::domain::problem::Problem;
 use crate::profile::model::Model;
 use serde_json::{Value, json};
@@ -18,8 +18,8 @@ use std::path::Path;
 /// What there is to begin with.
 pub(super) fn site_json(
     commissioning: &Commissioning,
-    present: Result<(Config, String), Refused>,
-    ports: &[Adapter],
+    present: Result<(Config, String), CommissioningRefusal>,
+    ports: &[SerialAdapter],
 ) -> Value {
     let (config, digest, why) = match present {
         Ok((config, digest)) => (Some(config), Some(digest), commissioning.why_not_written()),
@@ -64,7 +64,7 @@ fn ways(config: &Config) -> Vec<&'static str> {
         .collect()
 }
 
-fn port_json(port: &Adapter, lines: &[LineSettings]) -> Value {
+fn port_json(port: &SerialAdapter, lines: &[LineSettings]) -> Value {
     let is_used = |line: &&LineSettings| match &line.port {
         PortAddress::Device(path) => is_same(path, &port.device),
         PortAddress::Tcp { .. } | PortAddress::ModbusTcp { .. } => false,
@@ -103,11 +103,11 @@ fn line_json(line: &LineSettings) -> Value {
 }
 
 /// A scan so far.
-pub(super) fn scan_json(scan: &Running) -> Value {
+pub(super) fn scan_json(scan: &RunningScan) -> Value {
     let progress = scan.progress();
     let here = scan.setting();
     let at = |number: usize| scan.plan().settings.get(number).map(setting_text);
-    let drive = |finding: &Finding| {
+    let drive = |finding: &FoundDrive| {
         let is_judged = progress
             .judged
             .contains(&(finding.setting, finding.station));
@@ -116,7 +116,7 @@ pub(super) fn scan_json(scan: &Running) -> Value {
             "station": finding.station,
             "at": at(finding.setting),
             "is_here": here.map(|(number, _)| number == finding.setting),
-            "confidence": if is_judged { verdict.word() } else { "asking" },
+            "confidence": if is_judged { verdict.keyword() } else { "asking" },
             "models": verdict.fits.iter().map(|(model, why)| model_json(model, why)).collect::<Vec<_>>(),
             "other": verdict.other,
         })
@@ -136,7 +136,7 @@ pub(super) fn scan_json(scan: &Running) -> Value {
     };
     json!({
         "port": scan.port().address.to_string(),
-        "state": progress.state.word(),
+        "state": progress.state.keyword(),
         "error": error,
         "asked": progress.asked,
         "asks": scan.plan().asks(),
@@ -178,7 +178,7 @@ pub(super) fn values_json(station: u8, values: &[(String, Vec<LiveValue>)]) -> V
 }
 
 /// What a change would make of the file.
-pub(super) fn proposal_json(proposal: &Proposal) -> Value {
+pub(super) fn proposal_json(proposal: &ConfigProposal) -> Value {
     let text = &proposal.edited.text;
     let before = text.get(..proposal.edited.added.start).unwrap_or_default();
     let problems = problems_json(proposal.problems(), text);

@@ -5,7 +5,7 @@ mod sessions;
 mod wrong;
 
 use super::limits::PACKET_MAX;
-use super::machine::{ConnectionId, Machine};
+use super::machine::{BrokerMachine, ConnectionId};
 use super::reader::frame;
 use super::{BrokerError, listen};
 use crate::domain::time::MonoTime;
@@ -18,7 +18,7 @@ use std::time::Duration;
 
 /// A broker and the time.
 struct Rig {
-    machine: Machine,
+    machine: BrokerMachine,
     now: MonoTime,
 }
 
@@ -28,7 +28,7 @@ type Id = ConnectionId;
 impl Rig {
     fn new() -> Self {
         Self {
-            machine: Machine::new(1, MonoTime::ZERO),
+            machine: BrokerMachine::new(1, MonoTime::ZERO),
             now: MonoTime::ZERO,
         }
     }
