@@ -10,9 +10,9 @@
 //!
 //! let mut problems = Vec::new();
 //! if let Some(root) = document("baud = 0\nparrot = 'none'", &mut problems) {
-//!     let mut reader = Reader::new(root.section(), &mut problems);
-//!     let baud = reader.required("baud", &Kind::number(2400..=38_400_u32));
-//!     let parity = reader.optional("parity", &Kind::one_of(&[("none", 0), ("even", 1)]));
+//!     let mut reader = TableReader::new(root.section(), &mut problems);
+//!     let baud = reader.required("baud", &ValueKind::number(2400..=38_400_u32));
+//!     let parity = reader.optional("parity", &ValueKind::one_of(&[("none", 0), ("even", 1)]));
 //!     reader.finish();
 //!     assert_eq!((baud, parity.or(0)), (None, Some(0)));
 //! }
