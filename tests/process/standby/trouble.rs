@@ -177,15 +177,14 @@ fn measured(baud: u32, trouble: Trouble, rounds: usize) -> Found {
         std::thread::sleep(Duration::from_millis(random.u64(0..700)));
         let seen = pair.hub.count();
         let from = goes_wrong(&mut pair, active, trouble, &mut random);
-        match pair.stop_by_any(seen) {
-            Some(stop) => found.until_stop.push(stop.start.since(from)),
-            None => {
-                found.ran_on += 1;
-                println!(
-                    "{baud}, {trouble}, round {round}:\n{}",
-                    pair.told(pair.hub.frames(seen))
-                );
-            }
+        let until_stop = pair.stop_by_any(seen).map(|stop| stop.start.since(from));
+        if until_stop.is_none_or(|time| time > bound) {
+            let trace = pair.told(pair.hub.frames(seen));
+            println!("{baud}, {trouble}, round {round}: {until_stop:?}\n{trace}");
+        }
+        match until_stop {
+            Some(time) => found.until_stop.push(time),
+            None => found.ran_on += 1,
         }
         if trouble == Trouble::Deaf {
             pair.hub.hears_again(active);
