@@ -268,6 +268,17 @@ fn a_motor_that_reads_as_standing_for_two_seconds_may_still_run() {
 }
 
 #[test]
+fn a_motor_that_reads_as_standing_behind_a_trip_stands() {
+    let mut rig = running("hyundai-n700");
+    let now = rig.now;
+    drive(&mut rig).trip(now, 7);
+    rig.live(SECOND * 2);
+    assert_eq!(rig.output(1), 0);
+    rig.close(LineFault::Gone);
+    assert!(!rig.view(0).sight.may_still_run);
+}
+
+#[test]
 fn a_lease_that_ends_in_such_a_moment_is_followed_by_the_declared_stop() {
     let lost_after = accepting().lost_after;
     for seconds in 0..=u32::try_from(lost_after.as_secs()).unwrap() {

@@ -216,6 +216,8 @@ impl DriveWork {
             .any(|event| event.kind != TripEventKind::Cleared);
         let is_tripped = self.trips.view().active == Some(true);
         if is_told || (is_tripped && self.guard.intent() != RunIntent::Stop) {
+            // A trip cuts the output off: what reads as 0 from now on stands.
+            self.has_turned = false;
             // A trip ends all orders: after a reset a new order is required.
             self.guard.lost_touch(out.now());
             self.cut_motion(Reason::Tripped, out);
