@@ -170,9 +170,12 @@ pub enum DriveNote {
         "the other gateway of the line is lost: the drive goes on, and its client has the time of a lost one to come back"
     )]
     Adopted,
-    /// The line was handed over, or came back because no other gateway took it, and the drive does not go on: its direction is
-    /// not known, or a stop from before had no effect yet.
-    #[error("the line was given up on purpose, and the drive does not go on: the declared action is {}", .0.keyword())]
+    /// The line was handed over, or came back because no other gateway took it, and no gateway takes the order up: its
+    /// direction is not known, or a stop from before had no effect yet.
+    #[error(
+        "the line was given up on purpose, and no gateway takes up the order of the drive: the declared action is {}",
+        .0.keyword()
+    )]
     LineGiven(FailSafe),
     /// The same, and the drive goes on for a while.
     #[error(

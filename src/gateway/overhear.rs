@@ -212,9 +212,6 @@ impl LineCore {
         let Some((address, values)) = written(request) else {
             return;
         };
-        self.share
-            .iter_mut()
-            .for_each(|share| share.has_heard_leader = true);
         let is_for_all = self.is_for_all(station);
         for drive in self.drives.iter_mut() {
             if !is_for_all && drive.setup.station != station {

@@ -23,9 +23,6 @@ pub(super) struct LineShare {
     pub unanswered: Vec<u8>,
     /// Another gateway was heard since this one was started: what it remembers of the orders then is out of date.
     pub has_heard_other: bool,
-    /// Another gateway was heard to be active, or to order something, or this gateway was active itself: the other one
-    /// is no master that only reads.
-    pub has_heard_leader: bool,
     /// A drive has answered since the line was taken over.
     pub is_confirmed: bool,
     /// Until when the line is to be handed over, as soon as nothing is under way.
@@ -74,7 +71,6 @@ impl LineShare {
             listener: RequestListener::default(),
             unanswered: vec![0; setup.drives.len()],
             has_heard_other: false,
-            has_heard_leader: false,
             is_confirmed: false,
             yields_until: None,
             roll_call: None,
@@ -153,18 +149,8 @@ impl LineShare {
         self.listener.silent()
     }
 
-    /// Whether another gateway may have had the line at `now` since this one was started.
-    pub fn may_have_had_another(&self, now: MonoTime) -> bool {
-        if self.rule.knowledge().is_informed(now) {
-            self.has_heard_leader
-        } else {
-            self.has_heard_other
-        }
-    }
-
     /// A listener heard another gateway say at `at` what only an active one says.
     pub fn another_leads(&mut self, at: MonoTime) {
-        self.has_heard_leader = true;
         self.another_sends(at);
         self.gap.led(at + SIGNALS_WITHIN);
     }

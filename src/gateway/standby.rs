@@ -470,7 +470,7 @@ impl LineCore {
         (share.yields_until, share.signal, share.differs) = (None, None, None);
         share.listener.clear();
         let heard_at = share.rule.heard_at();
-        let is_first = !share.may_have_had_another(now);
+        let is_first = !share.has_heard_other;
         self.effects
             .push_back(LineEffect::LineNote(if was_handed_over {
                 LineNote::HandedOver
@@ -494,7 +494,7 @@ impl LineCore {
             }
         }
         if let Some(share) = &mut self.share {
-            (share.has_heard_other, share.has_heard_leader) = (true, true);
+            share.has_heard_other = true;
         }
     }
 }

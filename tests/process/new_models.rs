@@ -9,7 +9,11 @@ use std::process::{Output, Stdio};
 /// What `models new` does with `args` and these answers.
 fn answered(args: &[&str], answers: &[&str]) -> Output {
     let mut command = program();
-    command.args(["models", "new"]).args(args);
+    // As a person sees it, who asks for no more of the log.
+    command
+        .args(["models", "new"])
+        .args(args)
+        .env_remove("RUST_LOG");
     let mut child = command
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())

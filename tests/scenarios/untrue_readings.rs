@@ -268,6 +268,19 @@ fn a_motor_that_reads_as_standing_for_two_seconds_may_still_run() {
 }
 
 #[test]
+fn a_motor_that_reads_as_standing_right_after_an_outage_gets_the_declared_stop() {
+    let lost_after = accepting().lost_after;
+    let mut rig = running("hyundai-n700");
+    rig.close(LineFault::Gone);
+    rig.pass(lost_after - SECOND);
+    rig.open();
+    shows_standstill_for(&mut rig, SECOND * 2);
+    drive(&mut rig).shows_the_truth();
+    rig.pass(lost_after + SECOND * 30);
+    assert_eq!(rig.output(1), 0);
+}
+
+#[test]
 fn a_motor_that_reads_as_standing_behind_a_trip_stands() {
     let mut rig = running("hyundai-n700");
     let now = rig.now;

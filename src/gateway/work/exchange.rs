@@ -186,7 +186,9 @@ impl DriveWork {
     pub fn line_down(&mut self, now: MonoTime, reason: Reason, out: Out<'_>) {
         self.leave_flight(now);
         // What is ordered is forgotten below. Another gateway that has the line sees the drive.
-        if reason != Reason::Standby {
+        if reason == Reason::Standby {
+            self.has_turned = false;
+        } else {
             self.lose_sight(out);
         }
         self.flight = None;

@@ -62,7 +62,6 @@ impl DriveWork {
         self.status.forget();
         self.output_out_of_sight();
         self.status_at = None;
-        self.has_turned = false;
         self.guard.forget_bases();
         self.answered
             .iter_mut()
@@ -120,6 +119,11 @@ impl DriveWork {
             return;
         }
         self.has_changed = true;
+        // What it does when it is seen again, no ramp of our stop explains.
+        self.is_stopping &= self.latch.is_some();
+        if let Some(answered) = &mut self.answered {
+            answered.out_of_sight(now);
+        }
         if !is_seen {
             self.lose_sight(out);
             self.usage_out_of_sight(out);
@@ -154,6 +158,7 @@ impl DriveWork {
     /// Restores what an earlier process last saw of a drive that it could not see at standstill.
     pub(super) fn remember_sight(&mut self, remembered: &RememberedDrive) {
         if remembered.may_still_run || remembered.lease.is_some() || remembered.stop.is_some() {
+            self.has_turned = true;
             self.sight.remember(remembered.last_seen);
         }
     }
