@@ -214,6 +214,8 @@ pub fn sign_in(browser: &Browser, password: &str) {
 
 /// Sets the frequency and starts the drive forward from its card.
 pub fn start_forward(browser: &Browser, hertz: &str) {
+    // Before the drive was read, an order is refused.
+    browser.wait_for_text(&in_card(".state"), "STOPPED");
     browser.fill(&in_card("input"), hertz);
     browser.hold(&mark(browser, "Forward"));
     browser.wait_for_text(&in_card(".state"), "FORWARD");
