@@ -161,7 +161,7 @@ impl Report<'_> {
         writeln!(to, "  received      {}", row(&outcome.delays))
     }
 
-    /// What became of all messages.
+    /// The outcome of all messages.
     fn write_totals(&self, to: &mut String) -> std::fmt::Result {
         let Self { plan, outcome, .. } = self;
         let at_end = &outcome.at_end;

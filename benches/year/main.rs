@@ -69,7 +69,7 @@ impl Job {
                 Ok(done) => _ = self.done.fetch_add(done, Ordering::Relaxed),
                 Err(text) => {
                     println!("{text}\n");
-                    self.failures.lock().expect("nobody panics").push(text);
+                    self.failures.lock().expect("no thread panics").push(text);
                     self.done.fetch_add(WORLD, Ordering::Relaxed);
                 }
             }
@@ -84,7 +84,7 @@ impl Job {
             }
             "bursts" => {
                 let tally = bursts::bursts(seed, left.min(20_000))?;
-                self.bursts.lock().expect("nobody panics").add(&tally);
+                self.bursts.lock().expect("no thread panics").add(&tally);
                 return Ok(tally.reads);
             }
             "gaps" => {
@@ -105,7 +105,7 @@ impl Job {
             "stop" => {
                 let count = left.min(500);
                 let (worst, _) = trials::stops(seed, count)?;
-                let mut longest = self.worst_stop.lock().expect("nobody panics");
+                let mut longest = self.worst_stop.lock().expect("no thread panics");
                 *longest = worst.max(*longest);
                 return Ok(count);
             }
@@ -114,7 +114,7 @@ impl Job {
                 (tally, tally.exchanges)
             }
         };
-        self.tally.lock().expect("nobody panics").add(&tally);
+        self.tally.lock().expect("no thread panics").add(&tally);
         Ok(done)
     }
 }
@@ -165,7 +165,7 @@ fn main() {
         job.is_over.store(true, Ordering::Relaxed);
     });
     report(&job, begun.elapsed());
-    if !job.failures.lock().expect("nobody panics").is_empty() {
+    if !job.failures.lock().expect("no thread panics").is_empty() {
         std::process::exit(1);
     }
 }
@@ -224,7 +224,7 @@ fn progress(job: &Job, begun: Instant) {
 }
 
 fn report(job: &Job, wall: Duration) {
-    let tally = job.tally.lock().expect("nobody panics");
+    let tally = job.tally.lock().expect("no thread panics");
     let done = job.done.load(Ordering::Relaxed);
     row(&format!("{} done", job.what), done);
     row("wall time", format!("{:.1} s", wall.as_secs_f64()));
@@ -237,12 +237,16 @@ fn report(job: &Job, wall: Duration) {
             "longest wait of a stop",
             format!(
                 "{:.3} ms",
-                job.worst_stop.lock().expect("nobody panics").as_secs_f64() * 1e3
+                job.worst_stop
+                    .lock()
+                    .expect("no thread panics")
+                    .as_secs_f64()
+                    * 1e3
             ),
         );
     }
     if job.what == "bursts" {
-        report_bursts(&job.bursts.lock().expect("nobody panics"));
+        report_bursts(&job.bursts.lock().expect("no thread panics"));
     }
     for (name, value) in [
         ("worlds", tally.worlds),
@@ -289,6 +293,6 @@ fn report(job: &Job, wall: Duration) {
     }
     row(
         "violations",
-        job.failures.lock().expect("nobody panics").len(),
+        job.failures.lock().expect("no thread panics").len(),
     );
 }

@@ -350,7 +350,7 @@ impl Watch {
                     let of = (answer.ticket, answer.asker);
                     assert!(
                         self.reads.remove(&of) || self.writes.remove(&of),
-                        "twice or to nobody: {answer:?}"
+                        "twice, or to no client: {answer:?}"
                     );
                 }
                 LineEffect::Command(answer) => {
@@ -421,7 +421,7 @@ impl Watch {
         // Work of a drive under control may be due earlier.
         assert!(
             waits || self.has_control,
-            "nobody waits for the reply: {reason:?}"
+            "no client waits for the reply: {reason:?}"
         );
         assert!(
             (1..=DRIVES).contains(&station) || to_all(&self.model) == Some(station),

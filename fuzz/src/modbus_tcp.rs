@@ -164,7 +164,9 @@ impl Observer {
             // The oldest: equal ones cannot be told apart.
             let place = self.open.iter().position(is_it);
             self.open.remove(
-                place.unwrap_or_else(|| panic!("nobody asked for {transaction} {unit} {pdu:02X?}")),
+                place.unwrap_or_else(|| {
+                    panic!("no client asked for {transaction} {unit} {pdu:02X?}")
+                }),
             );
         }
     }

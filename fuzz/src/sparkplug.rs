@@ -244,7 +244,7 @@ impl Rig {
             assert!(is_stop || !duplicate, "a repeat acts: {request:?}");
             assert!(
                 is_stop || self.session.is_path_alive(self.at()),
-                "nobody could be told: {request:?}"
+                "no client could get the result: {request:?}"
             );
             assert_eq!(
                 request.start_before,

@@ -85,7 +85,7 @@ impl Sleeper {
 
     /// How many messages it found when it was first woken.
     pub fn found(self) -> usize {
-        let found = self.first.found.lock().expect("nobody panics").len();
+        let found = self.first.found.lock().expect("no thread panics").len();
         drop(self.called);
         found
     }
@@ -94,6 +94,6 @@ impl Sleeper {
 impl Wake for First {
     fn wake(self: Arc<Self>) {
         self.inbox
-            .take(&mut self.found.lock().expect("nobody panics"));
+            .take(&mut self.found.lock().expect("no thread panics"));
     }
 }

@@ -93,7 +93,8 @@ impl LineCore {
         Some(done)
     }
 
-    /// What a silence means where the exchange of `flight` ended with `ending`.
+    /// What a silence means where the exchange of `flight` ended with `ending`, as it came: `judged` makes a silence of what
+    /// tells that the drive cannot be reached.
     fn silence(&self, flight: &OpenFlight, ending: &ExchangeEnding) -> Fault {
         if self.health.is_jammed() || matches!(flight.purpose, ExchangePurpose::Trial(_)) {
             Fault::Ignored

@@ -165,7 +165,7 @@ pub enum DriveNote {
     /// Another gateway of the line is lost while the drive was ordered to run; the declared action runs.
     #[error("the other gateway of the line is lost: the declared action is {}", .0.keyword())]
     GatewayLost(FailSafe),
-    /// The same, and the drive goes on for a while.
+    /// The line was handed over, or came back because no other gateway took it: the drive goes on for a while.
     #[error(
         "the other gateway of the line is lost: the drive goes on, and its client has the time of a lost one to come back"
     )]

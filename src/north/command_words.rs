@@ -335,7 +335,7 @@ pub fn frequency(
 /// Whether `key` is present, which takes only true.
 ///
 /// # Errors
-/// It is something else.
+/// The value of `key` is something else.
 pub fn only_true(object: &Map<String, Value>, key: &str) -> Result<bool, RefusedCommand> {
     match object.get(key) {
         None => Ok(false),

@@ -111,7 +111,7 @@ fn a_long_read_that_failed_is_not_gone_on_with() {
     assert_eq!(
         rig.sent.len(),
         1,
-        "nobody waits for the other frames: {:02X?}",
+        "no client waits for the other frames: {:02X?}",
         rig.frames()
     );
 }

@@ -5,14 +5,15 @@ mod start_words;
 
 use crate::cli::tools::client::{LEASE_LEFT, NoAnswer, UnitClient, address, reason};
 use crate::cli::tools::log::complain;
-use crate::cli::tools::order::{TAKE, WriteOrder, frequency};
-use crate::cli::tools::stopping::{COAST, CONFIRMED, STOP, stop};
+use crate::cli::tools::order::{WriteOrder, frequency};
+use crate::cli::tools::stopping::{CONFIRMED, stop};
 use crate::cli::tools::straight_write::{StraightOptions, arm, extra};
 use crate::cli::tools::target::DriveTarget;
 use crate::cli::tools::told_to_stop::told_to_stop;
 use crate::cli::tools::{CommandFailure, print};
 use crate::domain::address::DataTable;
 use crate::north::modbus::address as map;
+use crate::north::modbus::uniform::run;
 use start_words::models_that_run;
 use std::pin::{Pin, pin};
 use std::time::Duration;
@@ -133,13 +134,13 @@ const INSTEAD: &str = "say `run forward`, `run reverse` or `run take` with the d
                        and the drive runs its fail-safe action when the lease ends";
 /// The run commands by name.
 const RUN_COMMANDS: [(&str, u16); 7] = [
-    ("stop", STOP),
-    ("forward", 1),
-    ("reverse", 2),
-    ("coast", COAST),
-    ("reset", 4),
-    ("release", 5),
-    ("take", TAKE),
+    ("stop", run::STOP),
+    ("forward", run::FORWARD),
+    ("reverse", run::REVERSE),
+    ("coast", run::COAST),
+    ("reset", run::RESET),
+    ("release", run::RELEASE),
+    ("take", run::TAKE),
 ];
 
 /// What the arguments say.
@@ -188,7 +189,7 @@ fn starts(args: &Args, address: u16, word: u16) -> Result<Option<String>, Comman
     let models = models_that_run(&catalog, address, word);
     Ok(match (address, word) {
         _ if !models.is_empty() => Some(format!("makes the motor of {} run", models.join(", "))),
-        (map::RUN, 1 | 2 | TAKE) => {
+        (map::RUN, run::FORWARD | run::REVERSE | run::TAKE) => {
             Some("makes a motor run at a uniform unit, or takes it over".to_owned())
         }
         _ => None,
@@ -405,7 +406,7 @@ mod tests {
 
     #[test]
     fn the_run_command_of_a_uniform_unit_is_known_without_the_flag() {
-        for word in [1, 2, TAKE] {
+        for word in [1, 2, run::TAKE] {
             let refused = end_of(map::RUN, word, &[]);
             assert_eq!(
                 refused.code,
@@ -415,7 +416,7 @@ mod tests {
             );
             assert!(refused.message.contains("uniform"), "{}", refused.message);
         }
-        for word in [STOP, 3, 4, 5] {
+        for word in [run::STOP, 3, 4, 5] {
             assert!(
                 end_of(map::RUN, word, &[])
                     .message

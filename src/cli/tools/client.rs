@@ -348,6 +348,10 @@ pub const UNIFORM: &[UniformWord] = &[
     uniform_word("reason", REASON, WordFormat::Count),
 ];
 
+/// The status bits.
+pub const STATUS: u16 = 1;
+/// The alarm bits.
+pub const ALARMS: u16 = 17;
 /// Seconds until the lease ends.
 pub const LEASE_LEFT: u16 = 18;
 /// Number of the reason of the last command.

@@ -2,12 +2,11 @@
 
 use super::CommandFailure;
 use super::client::{LEASE_LEFT, NoAnswer, UnitClient, reason};
-use super::stopping::{self, COAST, STOP, stop};
+use super::stopping::{self, stop};
 use crate::domain::frequency::{Hertz, NoFrequency};
 use crate::north::modbus::address as map;
-
-/// The one that takes control over without moving anything.
-pub const TAKE: u16 = 6;
+use crate::north::modbus::uniform::run;
+use crate::wire::exception;
 
 /// What is to be written.
 #[derive(Debug, PartialEq, Eq)]
@@ -28,19 +27,21 @@ impl WriteOrder {
     /// Whether it makes a motor run.
     #[must_use]
     pub fn makes_run(&self) -> bool {
-        self.is_uniform && self.address == map::RUN && matches!(self.word, 1 | 2)
+        self.is_uniform
+            && self.address == map::RUN
+            && matches!(self.word, run::FORWARD | run::REVERSE)
     }
 
     /// Whether it takes the drive over and moves nothing.
     #[must_use]
     pub fn takes(&self) -> bool {
-        self.is_uniform && self.address == map::RUN && self.word == TAKE
+        self.is_uniform && self.address == map::RUN && self.word == run::TAKE
     }
 
     /// Whether it stops the drive or cuts its output off.
     #[must_use]
     pub fn stops(&self) -> bool {
-        self.is_uniform && self.address == map::RUN && matches!(self.word, STOP | COAST)
+        self.is_uniform && self.address == map::RUN && matches!(self.word, run::STOP | run::COAST)
     }
 
     /// What is said if a person ends the program before it is done.
@@ -82,7 +83,12 @@ impl WriteOrder {
             Ok(()) => return Ok(Some(self.word)),
             Err(error) => error,
         };
-        if self.takes() || !matches!(error, NoAnswer::Exception(0x0B) | NoAnswer::Lost(_)) {
+        if self.takes()
+            || !matches!(
+                error,
+                NoAnswer::Exception(exception::GATEWAY_TARGET_FAILED) | NoAnswer::Lost(_)
+            )
+        {
             return Err(self.explained(client, &error).await);
         }
         let then = match stop(client).await {

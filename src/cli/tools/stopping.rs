@@ -1,30 +1,23 @@
 //! A stop by a tool: it is sent until the drive acknowledges it, and then watched until the drive shows its effect.
 
 use super::CommandFailure;
-use super::client::{NoAnswer, UnitClient, reason};
+use super::client::{ALARMS, NoAnswer, STATUS, UnitClient, reason};
 use crate::north::modbus::address as map;
-use crate::north::modbus::uniform::{alarm, bit};
+use crate::north::modbus::uniform::{alarm, bit, run};
+use crate::wire::exception;
 use std::time::Duration;
 use tokio::time::{Instant, sleep};
 
-/// The run command that stops.
-pub const STOP: u16 = 0;
-/// The one that cuts the output off.
-pub const COAST: u16 = 3;
 /// How often it is attempted.
 const TRIES: u32 = 3;
 /// Wait between these attempts.
 const AGAIN: Duration = Duration::from_millis(200);
-/// Uniform word of the status bits.
-const STATUS: u16 = 1;
-/// Uniform word of the alarm bits.
-const ALARMS: u16 = 17;
+/// Number of words from the status bits to the alarm bits.
+const STATUS_TO_ALARMS: u16 = ALARMS - STATUS + 1;
 /// Wait between two looks at them.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 /// Longest wait for the effect: longer than any `stop_effect_timeout`, after which the gateway itself says that there is none.
 const EFFECT_WITHIN: Duration = Duration::from_secs(65);
-/// The exception for a drive that did not answer in time.
-const NO_REPLY: u8 = 0x0B;
 /// What is said of a stop that has taken effect.
 pub const CONFIRMED: &str = "confirmed: the drive shows its effect";
 /// What follows from every stop that is not confirmed.
@@ -59,7 +52,7 @@ pub async fn acknowledged(client: &mut UnitClient, word: u16) -> Result<(), Comm
 
 fn unacknowledged(error: &NoAnswer) -> String {
     match error {
-        NoAnswer::Exception(NO_REPLY) => {
+        NoAnswer::Exception(exception::GATEWAY_TARGET_FAILED) => {
             "THE STOP IS NOT ACKNOWLEDGED: the drive does not answer".to_owned()
         }
         other => format!("THE STOP IS NOT ACKNOWLEDGED: {other}"),
@@ -99,7 +92,7 @@ pub async fn confirmed(client: &mut UnitClient, word: u16) -> Result<(), Command
 /// # Errors
 /// As of [`confirmed`].
 pub async fn stop(client: &mut UnitClient) -> Result<String, CommandFailure> {
-    confirmed(client, STOP).await?;
+    confirmed(client, run::STOP).await?;
     Ok(format!("the stop is {CONFIRMED}"))
 }
 
@@ -116,13 +109,13 @@ enum Shown {
     Silence,
 }
 
+/// One read, so that both words are of one moment.
 async fn shown(client: &mut UnitClient) -> Result<Shown, NoAnswer> {
-    let status = word(client, STATUS).await?;
-    Ok(shown_by(status, word(client, ALARMS).await?))
-}
-
-async fn word(client: &mut UnitClient, address: u16) -> Result<u16, NoAnswer> {
-    Ok(client.read(address, 1).await?.first().copied().unwrap_or(0))
+    let words = client.read(STATUS, STATUS_TO_ALARMS).await?;
+    Ok(match words[..] {
+        [status, .., alarms] => shown_by(status, alarms),
+        _ => Shown::Nothing,
+    })
 }
 
 const fn shown_by(status: u16, alarms: u16) -> Shown {
@@ -173,7 +166,7 @@ mod tests {
 
     #[test]
     fn a_silent_drive_is_not_taken_for_a_dead_gateway() {
-        let silent = unacknowledged(&NoAnswer::Exception(NO_REPLY));
+        let silent = unacknowledged(&NoAnswer::Exception(exception::GATEWAY_TARGET_FAILED));
         assert!(silent.ends_with("the drive does not answer"), "{silent}");
         let dead = unacknowledged(&NoAnswer::Lost(
             "gateway at 127.0.0.1:1502: no answer".to_owned(),

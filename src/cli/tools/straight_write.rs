@@ -1,15 +1,17 @@
 //! What `write` needs besides its order if there is no gateway: limits, and permissions.
 
 use super::CommandFailure;
-use super::client::{NoAnswer, UnitClient, reason};
+use super::client::{NoAnswer, STATUS, UnitClient, reason};
 use super::log::complain;
 use super::order::{WriteOrder, frequency};
 use super::own_gateway::{ToolAccess, control};
-use super::stopping::{STOP, acknowledged};
+use super::stopping::acknowledged;
 use super::target::DriveTarget;
 use crate::domain::command::Reason;
 use crate::domain::control::ControlAction;
+use crate::drive::view::RunState;
 use crate::north::modbus::address as map;
+use crate::north::modbus::uniform::{bit, run};
 use crate::profile::model::{BasicFact, Model, ParameterKind};
 use std::time::Duration;
 use tokio::time::{Instant, sleep};
@@ -166,7 +168,7 @@ pub async fn arm_simulated(
     client: &mut UnitClient,
     straight: &StraightOptions,
 ) -> Result<(), CommandFailure> {
-    acknowledged(client, STOP).await?;
+    acknowledged(client, run::STOP).await?;
     let until = Instant::now() + AT_REST_WITHIN;
     let word = straight.frequency.as_deref().map(frequency).transpose()?;
     let Some(word) = word else {
@@ -184,9 +186,6 @@ pub async fn arm_simulated(
 
 /// Waits until the stop is effective: an identical one is answered from what is known then.
 async fn is_settled(client: &mut UnitClient, until: Instant) -> Result<(), CommandFailure> {
-    const STATUS: u16 = 1;
-    const COMMAND_PENDING: u16 = 1 << 6;
-    const STOPPED: u16 = 1;
     loop {
         let words = match client.read(STATUS, 2).await {
             Ok(words) => words,
@@ -194,8 +193,8 @@ async fn is_settled(client: &mut UnitClient, until: Instant) -> Result<(), Comma
             Err(error) => return Err(CommandFailure::failed(error)),
         };
         if let [status, state] = words[..]
-            && status & COMMAND_PENDING == 0
-            && state == STOPPED
+            && status & bit::PENDING == 0
+            && state == RunState::Stopped.number()
         {
             return Ok(());
         }

@@ -681,7 +681,7 @@ fn reads_renew_only_where_that_is_granted_and_only_the_lease_of_the_client() {
         assert_eq!(
             answer(&mut renewing).await.0,
             2,
-            "nobody waits for the renewal"
+            "no client waits for the renewal"
         );
         let commands = plant.commands(0, 1).await;
         assert_eq!(

@@ -92,7 +92,7 @@ impl DriveWork {
         }
     }
 
-    /// Puts an approved order in the queue.
+    /// Puts an approved order in the queue. What was known of an earlier stop no longer explains what the motor does.
     fn go(&mut self, approved: Approved, waiter: ReportWaiter, now: MonoTime, out: Out<'_>) {
         let runs = matches!(approved.order(), Order::Go(go) if go.run().is_some());
         self.is_stopping &= !runs;

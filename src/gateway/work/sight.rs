@@ -56,18 +56,11 @@ impl DriveWork {
 
     /// Nothing that was read of the drive holds any more: it has stopped answering, or its line is down or another's.
     pub(super) fn forget_readings(&mut self, out: Out<'_>) {
-        self.has_changed = true;
         self.usage_out_of_sight(out);
-        self.output.forget();
-        self.status.forget();
-        self.output_out_of_sight();
-        self.status_at = None;
+        self.forget_output();
+        self.forget_status();
         self.guard.forget_bases();
-        self.answered
-            .iter_mut()
-            .for_each(|it| it.out_of_sight(out.now()));
-        // Whatever it does when it is back, no ramp of our stop explains it.
-        self.is_stopping &= self.latch.is_some();
+        self.motion_out_of_sight(out.now());
         self.latch.iter_mut().for_each(StopLatch::out_of_sight);
         self.watchdog.forget();
         let unread = self.trips.lost_sight();
@@ -75,6 +68,26 @@ impl DriveWork {
         self.guard.lost_touch(out.now());
         self.guard.may_be_another();
         self.cut_motion(Reason::Offline, out);
+    }
+
+    fn forget_output(&mut self) {
+        self.has_changed = true;
+        self.output.forget();
+        self.output_out_of_sight();
+    }
+
+    fn forget_status(&mut self) {
+        self.has_changed = true;
+        self.status.forget();
+        self.status_at = None;
+    }
+
+    /// What the motor does is not known from `now` on: no ramp of a stop from here explains what is seen of it later.
+    fn motion_out_of_sight(&mut self, now: MonoTime) {
+        self.is_stopping &= self.latch.is_some();
+        if let Some(answered) = &mut self.answered {
+            answered.out_of_sight(now);
+        }
     }
 
     /// The drive cannot be asked any more. To be called before readings and orders are forgotten.
@@ -101,6 +114,11 @@ impl DriveWork {
 
     /// What was read of the motor too long ago shows nothing any more: the drive answers, but not what it is asked.
     pub fn forget_old(&mut self, now: MonoTime, out: Out<'_>) {
+        let lasts = |at: Option<MonoTime>| at.is_none_or(|at| now.since(at) < READINGS_LAST);
+        // By far the most calls end here.
+        if lasts(self.output.at()) && lasts(self.status_at) {
+            return;
+        }
         let output = self
             .output_register
             .as_ref()
@@ -109,32 +127,22 @@ impl DriveWork {
             .model
             .status_flag(IndicatedState::Running)
             .and_then(|it| self.age(it.address, self.status_at, now));
-        let is_seen = [output, status].contains(&Some(Age::Fresh));
+        let ages = [output, status];
+        let is_seen = ages.contains(&Some(Age::Fresh));
         // What is not fresh may become old in a moment: nothing is reported of one part before the other is known.
-        if !is_seen && (output == Some(Age::Stale) || status == Some(Age::Stale)) {
+        if !ages.contains(&Some(Age::Old)) || (!is_seen && ages.contains(&Some(Age::Stale))) {
             return;
-        }
-        let (is_output_old, is_status_old) = (output == Some(Age::Old), status == Some(Age::Old));
-        if !is_output_old && !is_status_old {
-            return;
-        }
-        self.has_changed = true;
-        // What it does when it is seen again, no ramp of our stop explains.
-        self.is_stopping &= self.latch.is_some();
-        if let Some(answered) = &mut self.answered {
-            answered.out_of_sight(now);
         }
         if !is_seen {
             self.lose_sight(out);
             self.usage_out_of_sight(out);
         }
-        if is_output_old {
-            self.output.forget();
-            self.output_out_of_sight();
+        self.motion_out_of_sight(now);
+        if output == Some(Age::Old) {
+            self.forget_output();
         }
-        if is_status_old {
-            self.status.forget();
-            self.status_at = None;
+        if status == Some(Age::Old) {
+            self.forget_status();
         }
     }
 

@@ -203,7 +203,7 @@ impl Checker {
             .position(|it| it.transaction == transaction && it.unit == unit)
         else {
             return self.object("O3", || {
-                format!("an answer that nobody waits for: {message:02X?}")
+                format!("an answer that no client waits for: {message:02X?}")
             });
         };
         let request = pending.remove(place);

@@ -106,7 +106,7 @@ async fn make(gateway: &TrialDrive, look: &Value, by: &str) -> Result<(), Comman
             Err(CommandFailure::failed("interrupted; the motor is stopped"))
         }
         Err(TrialsEnd::NoInput) => Err(CommandFailure::failed(
-            "nobody answers any more; the motor is stopped",
+            "the answers have ended; the motor is stopped",
         )),
         Err(TrialsEnd::Failed(failure)) => Err(failure),
     }

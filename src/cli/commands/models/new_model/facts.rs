@@ -43,7 +43,7 @@ impl FactEvidence {
         }
     }
 
-    /// The same, with the place that states the raw steps of the register.
+    /// This evidence, with the place that states the raw steps of the register.
     #[must_use]
     pub fn and_steps(self, place: Option<String>) -> Self {
         match (self, place) {
