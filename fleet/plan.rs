@@ -122,12 +122,10 @@ fn way(
     let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
     let others: Vec<_> = others.iter().map(|url| quoted(url)).collect();
     // Files in a configuration have absolute paths; on the command line they may be relative.
-    let ca = args
-        .ca
-        .as_ref()
-        .filter(|_| url.starts_with("mqtts:"))
-        .map(std::path::absolute)
-        .transpose();
+    let ca = match &args.ca {
+        Some(ca) if url.starts_with("mqtts:") => std::path::absolute(ca).map(Some),
+        _ => Ok(None),
+    };
     let ca = ca.map_err(|error| CommandFailure::wrong(format!("--ca: {error}")))?;
     let ca = ca.map(|ca| format!("ca_file = {}\n", quoted(&ca.to_string_lossy())));
     let user = args.credentials.as_ref().map(|_| "user = \"fleet\"\n");

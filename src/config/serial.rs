@@ -106,7 +106,7 @@ fn may_stop(serial: &SerialFile, problems: &mut Vec<Problem>) {
 
 /// Only a serial line has a direction that is turned from here.
 fn may_turn(serial: &SerialFile, is_tcp: bool, problems: &mut Vec<Problem>) {
-    if let Some(direction) = serial.direction.valid().filter(|_| is_tcp) {
+    if is_tcp && let Some(direction) = serial.direction.valid() {
         let what =
             "has no effect: the direction is turned by the serial device server, not from here";
         problems.push(

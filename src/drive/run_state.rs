@@ -176,8 +176,9 @@ impl OutputWatch {
     }
 
     fn by_output(&self, is_reverse: Option<bool>, intent: RunIntent, stopping: bool) -> RunState {
-        if let Some(is_reverse) =
-            is_reverse.filter(|_| self.is_active() && !(stopping && intent == RunIntent::Stop))
+        if let Some(is_reverse) = is_reverse
+            && self.is_active()
+            && !(stopping && intent == RunIntent::Stop)
         {
             return if is_reverse {
                 RunState::Reverse

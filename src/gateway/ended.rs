@@ -434,14 +434,13 @@ impl LineCore {
             }
             TrafficKind::Foreign(station) => {
                 self.counters.foreign += 1;
-                let flight = self
-                    .flight
-                    .as_mut()
-                    .filter(|_| station.0 == 0 && !was_answered);
                 // No station has the number 0: it is what the addressed one says.
-                flight
-                    .into_iter()
-                    .for_each(|it| it.wrong_reply = Some((HeardFrame::of(&heard.bytes), None)));
+                if station.0 == 0
+                    && !was_answered
+                    && let Some(flight) = &mut self.flight
+                {
+                    flight.wrong_reply = Some((HeardFrame::of(&heard.bytes), None));
+                }
                 self.learn_late(now, station, &heard.bytes);
                 self.spoke(now, station, &heard.bytes, was_answered);
             }

@@ -212,11 +212,10 @@ impl LineCore {
 
     /// When the signal that the line is taken may be sent, if it has to be said. Stops on a jammed line don't wait for it.
     pub(super) fn claims_at(&self) -> Option<MonoTime> {
-        self.share
-            .as_ref()
-            .filter(|_| !self.health.is_jammed())?
-            .rule
-            .claims_at()
+        if self.health.is_jammed() {
+            return None;
+        }
+        self.share.as_ref()?.rule.claims_at()
     }
 
     /// Says that this gateway is active, if it has not said so for some time: a listener may have missed that, and tells a foreign
@@ -350,9 +349,16 @@ impl LineCore {
 
     /// When the share in the line changes, if nothing is heard or sent before.
     pub(super) fn share_wake(&self) -> Option<LineWake> {
-        let share = self.share.as_ref().filter(|_| self.is_open)?;
+        if !self.is_open {
+            return None;
+        }
+        let share = self.share.as_ref()?;
         // While a stop of its own is on the wire, a listener takes no line.
-        let looks_at = share.rule.looks_at().filter(|_| self.wire.is_busy());
+        let looks_at = if self.wire.is_busy() {
+            share.rule.looks_at()
+        } else {
+            None
+        };
         let at = looks_at.or_else(|| share.rule.due_at())?;
         let at = if share.rule.role() == LineRole::Active {
             at
@@ -374,11 +380,10 @@ impl LineCore {
 
     /// When a signal is sent for its own sake, so that the other gateways of the line hear this one.
     pub(super) fn sign_of_life_at(&self) -> Option<MonoTime> {
-        self.share
-            .as_ref()
-            .filter(|_| self.may_signal())?
-            .rule
-            .signal_at()
+        if !self.may_signal() {
+            return None;
+        }
+        self.share.as_ref()?.rule.signal_at()
     }
 
     /// Whether `copy` of our own frame comes from another gateway: they ask the same drives the same questions, and the

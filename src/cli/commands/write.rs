@@ -60,7 +60,9 @@ pub fn write(args: &Args) -> Result<(), CommandFailure> {
             "a write to a bare port ends at once, and then no one supervises the motor: leave out --once",
         ));
     }
-    if let Some(what) = order.starts.as_ref().filter(|_| !args.once) {
+    if !args.once
+        && let Some(what) = &order.starts
+    {
         return Err(CommandFailure::wrong(format!(
             "{} {what}, and no process would stay to hold control: {INSTEAD}",
             order.text

@@ -64,9 +64,8 @@ impl DriveWork {
         // Its own order stands like one that was heard.
         let ordered = match self.guard.intent() {
             RunIntent::Run(direction) => Some(direction),
-            RunIntent::Stop | RunIntent::Coast => {
-                self.guard.last_direction().filter(|_| self.may_run_on)
-            }
+            RunIntent::Stop | RunIntent::Coast if self.may_run_on => self.guard.last_direction(),
+            RunIntent::Stop | RunIntent::Coast => None,
         };
         let others = if self.is_moving() {
             HeardOrder::Elsewhere
@@ -173,9 +172,8 @@ impl DriveWork {
 
     /// When [`Self::settle`] is due at the latest.
     pub(super) fn settles_at(&self) -> Option<MonoTime> {
-        self.unsettled
-            .filter(|_| self.is_moving())
-            .map(|unsettled| unsettled.until)
+        let unsettled = self.unsettled?;
+        self.is_moving().then_some(unsettled.until)
     }
 
     /// The drive is ordered to run, in `direction` if that is known, and the gateway that ordered it is lost.
@@ -225,14 +223,10 @@ impl DriveWork {
 
     /// The direction in which the drive shows that it runs.
     fn ordered_direction(&self) -> Option<Direction> {
-        let is_reverse = self
-            .status
-            .get(IndicatedState::Reverse)
-            .filter(|_| self.status.is_running() == Some(true))?;
-        Some(if is_reverse {
-            Direction::Reverse
+        if self.status.is_running() == Some(true) {
+            self.shown_direction()
         } else {
-            Direction::Forward
-        })
+            None
+        }
     }
 }

@@ -272,10 +272,16 @@ impl DriveWork {
 
     /// The direction in which the motor turns, if the drive shows it.
     fn turns(&self) -> Option<Direction> {
-        let is_reverse = self
-            .status
-            .get(IndicatedState::Reverse)
-            .filter(|_| self.is_moving())?;
+        if self.is_moving() {
+            self.shown_direction()
+        } else {
+            None
+        }
+    }
+
+    /// The direction that the status shows, whether or not the motor turns.
+    fn shown_direction(&self) -> Option<Direction> {
+        let is_reverse = self.status.get(IndicatedState::Reverse)?;
         Some(if is_reverse {
             Direction::Reverse
         } else {

@@ -67,11 +67,12 @@ impl DriveWork {
         if let Some(state) = self.status.take_undocumented() {
             out.push_back(LineEffect::Note(self.drive, DriveNote::Undocumented(state)));
         }
-        let output = self
-            .output_register
-            .as_ref()
-            .and_then(|register| register.steps(address, words));
-        let output = output.filter(|_| self.impossible_output(address, words).is_none());
+        let output = match &self.output_register {
+            Some(register) if self.impossible_output(address, words).is_none() => {
+                register.steps(address, words)
+            }
+            _ => None,
+        };
         if let Some(raw) = output {
             self.take_output(raw, reading.at, now, out);
             self.held_against_limits(now, out);
