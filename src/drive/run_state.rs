@@ -21,7 +21,7 @@ use std::time::Duration;
 /// Number of consecutive zero readings that count as standstill.
 pub const ZEROS_FOR_STANDSTILL: u8 = 2;
 /// A motor that turned, and reads as 0 for so long, stands. Registers that read as 0 for a second or two were seen in the field.
-const STANDSTILL_HOLDS: Duration = Duration::from_secs(3);
+pub const STANDSTILL_HOLDS: Duration = Duration::from_secs(3);
 
 /// The last readings of the output frequency.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -61,6 +61,17 @@ impl DriveSight {
         is_news
     }
 
+    /// The drive is ordered to run. Out of sight it may do so, whatever a person confirmed before. Returns whether that is to be
+    /// reported.
+    pub const fn ordered(&mut self) -> bool {
+        if !self.is_away {
+            return false;
+        }
+        self.is_confirmed = false;
+        self.is_told = true;
+        !std::mem::replace(&mut self.may_still_run, true)
+    }
+
     /// The drive was not in sight of an earlier process, and may still run.
     pub const fn remember(&mut self, last_seen: Option<LastSeen>) {
         (self.is_away, self.last_seen, self.may_still_run) = (true, last_seen, true);

@@ -13,6 +13,7 @@ use super::outbox::EffectOutbox;
 use super::waiter::ReportWaiter;
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::time::MonoTime;
+use crate::drive::run_state::STANDSTILL_HOLDS;
 use crate::guard::StopOrder;
 use crate::wire::pdu::Request;
 use std::time::Duration;
@@ -29,6 +30,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(50);
 const LOOKS_BEFORE_AWAY: u8 = 3;
 /// How much later than usual a stop is repeated while its drive is away: one that is not heard may hear.
 const REPEAT_LATER: Duration = Duration::from_secs(6);
+/// Time between two reads of a drive that is back and reads as 0, until it has stood for long enough.
+const LOOK_WHEN_ZERO: Duration = Duration::from_millis(500);
 /// Time between two reads of a drive that is away: its return is noticed soon, at little cost to the others.
 const LOOK_WHEN_AWAY: Duration = Duration::from_secs(2);
 
@@ -61,6 +64,8 @@ pub struct StopLatch {
     looks: usize,
     /// Consecutive unanswered reads.
     missed_looks: u8,
+    /// Since when every reading of a drive that was away has been zero.
+    zero_since: Option<MonoTime>,
     was_told_late: bool,
     /// It was reported that the stop could not be sent in time.
     was_told_unsent: bool,
@@ -125,6 +130,7 @@ impl StopLatch {
             watch: OutputFallWatch::default(),
             looks: 0,
             missed_looks: 0,
+            zero_since: None,
             was_told_late: false,
             was_told_unsent: false,
             offline_since: None,
@@ -249,7 +255,8 @@ impl StopLatch {
     pub fn frame(&self) -> (MonoTime, Request) {
         let at = if !self.is_away() || self.is_first() || self.by_client == ByClient::Waits {
             self.send_at
-        } else if self.is_remembered {
+        } else if self.is_remembered || self.zero_since.is_some() {
+            // It is read first.
             MonoTime::NEVER
         } else {
             self.send_at + REPEAT_LATER
@@ -364,17 +371,20 @@ impl StopLatch {
 
     /// Takes a reading of the output frequency requested after the last frame. Returns whether the stop is effective.
     ///
-    /// A drive that was away is read before it is stopped: at standstill the stop is settled, otherwise it is sent.
-    /// `runs`: its status shows it ordered to run. `least_fall`: the steps that are more than noise.
+    /// A drive that was away is read before it is stopped: once it has been at standstill for long enough the stop is
+    /// settled, and if it turns it is sent. `runs`: its status shows it ordered to run. `least_fall`: the steps that are more
+    /// than noise.
     pub fn takes_effect(&mut self, raw: u16, runs: bool, least_fall: u16, now: MonoTime) -> bool {
         self.look_at = now + LOOK_EVERY;
         self.watch.take(raw);
-        if self.is_away() {
-            let stands_still = self.watch.is_at_zero() && !runs;
-            if stands_still || raw > 0 || runs {
-                self.is_back(now);
+        if self.is_away() && raw == 0 && !runs {
+            let since = *self.zero_since.get_or_insert(now);
+            if now.since(since) < STANDSTILL_HOLDS {
+                self.look_at = now + LOOK_WHEN_ZERO;
+                return false;
             }
-            return stands_still;
+            self.is_back(now);
+            return true;
         }
         self.is_back(now);
         let rests = self.was_refused && self.watch.is_at_zero() && !runs;
@@ -399,6 +409,7 @@ impl StopLatch {
     /// The drive responds again: an unanswered stop is sent again at once.
     fn is_back(&mut self, now: MonoTime) {
         self.is_remembered = false;
+        self.zero_since = None;
         let was_away = self.is_away();
         self.missed_looks = 0;
         if std::mem::take(&mut self.is_unanswered) || was_away {

@@ -1,12 +1,14 @@
 //! What a drive shows for a moment and cannot be so is not believed: no trip, no sum and no order follows from it.
 
-use crate::support::families::{accepting, model_with, rig_of};
-use crate::support::{MQTT, Rig, model, run};
+use crate::support::families::{accepting, model_with, options_of, rig_of};
+use crate::support::{MQTT, Rig, RigOptions, model, run};
 use std::time::Duration;
-use vfd_gateway::domain::command::{Direction, Order, RunIntent};
-use vfd_gateway::domain::ids::Station;
+use vfd_gateway::domain::command::{Direction, Order, Owner, RunIntent};
+use vfd_gateway::domain::ids::{DriveIndex, Station};
 use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::drive::view::{RunState, TripEventKind};
+use vfd_gateway::gateway::{DriveNote, LineInput};
+use vfd_gateway::journal::{RememberedDrive, RememberedStop};
 use vfd_gateway::profile::model::{IndicatedState, PollClass, RegisterRole};
 use vfd_gateway::sim::SimDrive;
 
@@ -281,6 +283,27 @@ fn a_motor_that_reads_as_standing_right_after_an_outage_gets_the_declared_stop()
 }
 
 #[test]
+fn a_stop_that_waits_for_its_drive_to_come_back_is_not_settled_by_such_a_moment() {
+    let mut rig = Rig::new(&RigOptions {
+        keeps: true,
+        ..options_of(&model("hyundai-n700"), accepting())
+    });
+    rig.live(SECOND * 5);
+    rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
+    rig.live(SECOND * 12);
+    drive(&mut rig).shows_everywhere(0);
+    rig.restart(RememberedDrive {
+        stop: Some(RememberedStop { coast: false }),
+        ..RememberedDrive::default()
+    });
+    rig.pass(SECOND * 2);
+    assert!(rig.view(0).control.unwrap().stop_pending);
+    drive(&mut rig).shows_the_truth();
+    rig.pass(SECOND * 30);
+    assert_eq!(rig.output(1), 0);
+}
+
+#[test]
 fn a_motor_that_reads_as_standing_behind_a_trip_stands() {
     let mut rig = running("hyundai-n700");
     let now = rig.now;
@@ -348,4 +371,39 @@ fn a_drive_that_no_longer_shows_what_its_motor_does_may_run() {
         (rig.view(0).run_state, rig.view(0).sight.may_still_run),
         (RunState::Forward, false)
     );
+}
+
+#[test]
+fn a_run_order_that_a_drive_takes_which_shows_nothing_is_reported_and_outlasts_what_a_person_confirmed()
+ {
+    let model = model("frecon-fr500a");
+    let places = [
+        model.status_flag(IndicatedState::Running).unwrap().address,
+        model
+            .register_for(RegisterRole::OutputFrequency)
+            .unwrap()
+            .address,
+    ];
+    let mut rig = rig_of(&model, accepting());
+    rig.live(SECOND * 5);
+    for place in places {
+        drive(&mut rig).refuses_at(place);
+    }
+    rig.live(SECOND * 12);
+    for times in 1..=2 {
+        assert!(!rig.view(0).sight.may_still_run);
+        rig.command(MQTT, 0, run(Direction::Forward, Some(3000)));
+        rig.live(SECOND * 2);
+        assert!(rig.view(0).sight.may_still_run, "order {times}");
+        let reports = rig
+            .notes
+            .iter()
+            .filter(|(_, note)| matches!(note, DriveNote::MayStillRun(_)));
+        assert_eq!(reports.count(), times);
+        rig.core.handle(
+            rig.now,
+            LineInput::ConfirmStandstill(DriveIndex(0), Owner::Local),
+        );
+        rig.settle();
+    }
 }

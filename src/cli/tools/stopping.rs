@@ -2,6 +2,7 @@
 
 use super::CommandFailure;
 use super::client::{ALARMS, NoAnswer, STATUS, UnitClient, reason};
+use crate::drive::view::RunState;
 use crate::north::modbus::address as map;
 use crate::north::modbus::uniform::{alarm, bit, run};
 use crate::wire::exception;
@@ -70,6 +71,7 @@ pub async fn confirmed(client: &mut UnitClient, word: u16) -> Result<(), Command
         let why = match shown(client).await {
             Ok(Shown::Effect) => return Ok(()),
             Ok(Shown::NoEffect) => "but the drive shows no effect".to_owned(),
+            Ok(Shown::Run) => "but the drive has been ordered to run again".to_owned(),
             Ok(Shown::Silence) => "but then the drive does not answer any more".to_owned(),
             Ok(Shown::Nothing) if Instant::now() < until => {
                 sleep(LOOK_EVERY).await;
@@ -103,6 +105,8 @@ enum Shown {
     Nothing,
     /// Its effect, by the rule of the gateway.
     Effect,
+    /// The stop is not pending any more, and the drive runs: another master or its panel has ordered it to.
+    Run,
     /// No effect in time, although the drive answers.
     NoEffect,
     /// The drive does not answer any more.
@@ -113,18 +117,22 @@ enum Shown {
 async fn shown(client: &mut UnitClient) -> Result<Shown, NoAnswer> {
     let words = client.read(STATUS, STATUS_TO_ALARMS).await?;
     Ok(match words[..] {
-        [status, .., alarms] => shown_by(status, alarms),
+        [status, run_state, .., alarms] => shown_by(status, run_state, alarms),
         _ => Shown::Nothing,
     })
 }
 
-const fn shown_by(status: u16, alarms: u16) -> Shown {
+const fn shown_by(status: u16, run_state: u16, alarms: u16) -> Shown {
+    let runs = run_state == RunState::Forward.number()
+        || run_state == RunState::Reverse.number()
+        || run_state == RunState::Running.number();
     let is_online = status & bit::ONLINE != 0;
     let is_late = alarms & alarm::NOT_EFFECTIVE != 0;
     match (is_late, status & bit::PENDING != 0) {
         (false, true) => Shown::Nothing,
         (_, _) if !is_online => Shown::Silence,
         (true, _) => Shown::NoEffect,
+        (false, false) if runs => Shown::Run,
         (false, false) => Shown::Effect,
     }
 }
@@ -135,31 +143,42 @@ mod tests {
 
     #[test]
     fn a_stop_is_confirmed_by_a_drive_that_answers_and_by_nothing_else() {
-        for (status, alarms, expected) in [
-            (bit::ONLINE | bit::PENDING, 0, Shown::Nothing),
-            (bit::PENDING, 0, Shown::Nothing),
-            (bit::ONLINE, 0, Shown::Effect),
+        let [stopped, running, stopping, offline] = [
+            RunState::Stopped,
+            RunState::Running,
+            RunState::Stopping,
+            RunState::Offline,
+        ]
+        .map(RunState::number);
+        for (status, run_state, alarms, expected) in [
+            (bit::ONLINE | bit::PENDING, running, 0, Shown::Nothing),
+            (bit::PENDING, offline, 0, Shown::Nothing),
+            (bit::ONLINE, stopped, 0, Shown::Effect),
             (
                 bit::ONLINE | bit::RUNNING,
+                stopping,
                 alarm::FAIL_SAFE | alarm::STALE,
                 Shown::Effect,
             ),
+            (bit::ONLINE | bit::RUNNING, running, 0, Shown::Run),
             (
                 bit::ONLINE | bit::PENDING,
+                running,
                 alarm::NOT_EFFECTIVE,
                 Shown::NoEffect,
             ),
             (
                 bit::PENDING,
+                offline,
                 alarm::NOT_EFFECTIVE | alarm::MAY_STILL_RUN,
                 Shown::Silence,
             ),
-            (0, 0, Shown::Silence),
+            (0, offline, 0, Shown::Silence),
         ] {
             assert_eq!(
-                shown_by(status, alarms),
+                shown_by(status, run_state, alarms),
                 expected,
-                "{status:#x} {alarms:#x}"
+                "{status:#x} {run_state} {alarms:#x}"
             );
         }
     }

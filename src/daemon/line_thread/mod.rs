@@ -331,8 +331,9 @@ impl LineTask<'_> {
         let now = clock::now();
         let has_unsent = self.core.has_unsent_stop();
         let is_through = self.core.is_at_rest() || self.is_hurried && !has_unsent;
-        if is_through || now >= until {
-            self.rests = None;
+        if (is_through || now >= until) && self.rests.take().is_some() {
+            // From now on the process may end at any moment.
+            self.tell_of_open_stops();
         }
         let is_late = now
             >= if has_unsent {
@@ -350,7 +351,7 @@ impl LineTask<'_> {
         if self.ending.is_none() {
             self.core
                 .handle(clock::now(), LineInput::PortDown(LineFault::Gone));
-        } else {
+        } else if self.rests.is_some() {
             self.tell_of_open_stops();
         }
         self.core.end_attempts(clock::now());

@@ -67,7 +67,7 @@ impl DriveWork {
                 if runs_by_others {
                     self.is_stopped_by(owner, now, out);
                 }
-                self.follows_anew();
+                self.restart_follow_watch();
                 self.count(&mut waiter);
                 out.attempt_taken(self.drive, owner, tried(), &mut waiter);
                 self.cut(now, out);
@@ -99,7 +99,7 @@ impl DriveWork {
         if runs {
             // Newer than a stop answered from memory.
             self.answered = None;
-            self.follows_anew();
+            self.restart_follow_watch();
         }
         self.open_lease(runs, now, out);
         self.push(CommandExecution::new(approved, waiter), out);
@@ -164,7 +164,7 @@ impl DriveWork {
         let moves = |execution: &CommandExecution| matches!(execution.order(), Order::Go(go) if go.run().is_some() || go.frequency().is_some());
         let is_current = self.current.as_ref().is_some_and(moves);
         if is_current {
-            self.leave_flight(out.now());
+            self.leave_flight(out);
         }
         let current = if is_current {
             self.current.take()
@@ -231,7 +231,7 @@ impl DriveWork {
     /// A stop cancels everything else that was ordered.
     pub(super) fn cut(&mut self, now: MonoTime, out: Out<'_>) {
         let is_on_the_wire = matches!(self.flight, Some(WishRank::Step | WishRank::Start));
-        self.leave_flight(now);
+        self.leave_flight(out);
         // A drive that was reset still ignores requests.
         let rest = self
             .current

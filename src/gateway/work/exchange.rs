@@ -184,7 +184,7 @@ impl DriveWork {
 
     /// The line is down, or another gateway's, as `reason` says: waiting work is not sent, the exchange on the wire is in doubt. A stop keeps waiting.
     pub fn line_down(&mut self, now: MonoTime, reason: Reason, out: Out<'_>) {
-        self.leave_flight(now);
+        self.leave_flight(out);
         // What is ordered is forgotten below. Another gateway that has the line sees the drive.
         if reason == Reason::Standby {
             self.has_turned = false;
@@ -326,7 +326,7 @@ impl DriveWork {
         if matches!(ending, ExchangeEnding::Garbled | ExchangeEnding::Silent) {
             written
                 .iter()
-                .for_each(|part| self.part_in_doubt(*part, now));
+                .for_each(|part| self.part_in_doubt(*part, out));
         }
         if matches!(
             next,
@@ -336,7 +336,7 @@ impl DriveWork {
             })
         ) {
             in_question.into_iter().for_each(|part| {
-                self.part_taken(part, execution.owner(), execution.is_sure(), now)
+                self.part_taken(part, execution.owner(), execution.is_sure(), out)
             });
         }
         let refused = matches!(
@@ -348,7 +348,7 @@ impl DriveWork {
         );
         if matches!(ending, ExchangeEnding::Reply(_)) && !refused {
             written.into_iter().for_each(|part| {
-                self.part_taken(part, execution.owner(), execution.is_sure(), now)
+                self.part_taken(part, execution.owner(), execution.is_sure(), out)
             });
         }
         if let (StepResult::Goes(report), Some((until, is_deaf))) = (next, execution.rest_at(now)) {
@@ -385,7 +385,7 @@ impl DriveWork {
     }
 
     /// Stops waiting for the exchange on the wire; the drive may still execute it.
-    pub(super) fn leave_flight(&mut self, now: MonoTime) {
+    pub(super) fn leave_flight(&mut self, out: Out<'_>) {
         if !matches!(self.flight, Some(WishRank::Step | WishRank::Start)) {
             return;
         }
@@ -398,13 +398,13 @@ impl DriveWork {
             .collect();
         written
             .into_iter()
-            .for_each(|part| self.part_in_doubt(part, now));
+            .for_each(|part| self.part_in_doubt(part, out));
     }
 
-    fn part_in_doubt(&mut self, part: StepPart, now: MonoTime) {
+    fn part_in_doubt(&mut self, part: StepPart, out: Out<'_>) {
         match part {
             StepPart::Run(direction) => {
-                self.starts(now);
+                self.starts(out);
                 self.guard.run_is_unknown(direction);
             }
             StepPart::Direction(direction) => self.may_turn_round(direction),
@@ -437,22 +437,27 @@ impl DriveWork {
     }
 
     /// RUN was sent: unless the motor turns already, it starts.
-    fn starts(&mut self, now: MonoTime) {
+    fn starts(&mut self, out: Out<'_>) {
         self.may_run_on = true;
         if !self.output.is_active() {
-            self.guard.started(now);
+            self.guard.started(out.now());
         }
+        self.ordered_out_of_sight(out);
     }
 
-    fn part_taken(&mut self, part: StepPart, owner: Owner, is_sure: bool, now: MonoTime) {
+    fn part_taken(&mut self, part: StepPart, owner: Owner, is_sure: bool, out: Out<'_>) {
         match part {
-            StepPart::Setpoint(value) => self.guard.setpoint_was_acknowledged(owner, value, now),
+            StepPart::Setpoint(value) => {
+                self.guard
+                    .setpoint_was_acknowledged(owner, value, out.now())
+            }
             StepPart::SignedSetpoint(value, direction) => {
-                self.guard.setpoint_was_acknowledged(owner, value, now);
+                self.guard
+                    .setpoint_was_acknowledged(owner, value, out.now());
                 self.may_turn_round(direction);
             }
             StepPart::Run(direction) => {
-                self.starts(now);
+                self.starts(out);
                 self.replaces_reset(OrderKind::Forward);
                 self.guard.run_was_acknowledged(direction);
             }

@@ -20,7 +20,7 @@ const LASTS: Duration = Duration::from_secs(2);
 
 impl DriveWork {
     /// A new order begins.
-    pub(super) fn follows_anew(&mut self) {
+    pub(super) fn restart_follow_watch(&mut self) {
         self.followed = FollowWatch::default();
         self.is_stopped_elsewhere = false;
     }
@@ -72,7 +72,7 @@ impl DriveWork {
     /// The order is over. Nothing restarts the motor but a new one.
     fn was_stopped_elsewhere(&mut self, direction: Direction, now: MonoTime, out: Out<'_>) {
         let owner = self.guard.lease().map_or(Owner::Local, |(owner, _)| owner);
-        self.follows_anew();
+        self.restart_follow_watch();
         self.guard.inhibit(now);
         let report = Report::new(Outcome::Failed, Reason::StoppedElsewhere);
         self.is_stopped_elsewhere = true;

@@ -103,13 +103,24 @@ impl DriveWork {
         let is_ordered = self.guard.may_be_obeyed() || is_heard || self.latch.is_some();
         let may_run = is_ordered || (last_seen.is_some() && !self.stands());
         if self.sight.lost(last_seen, may_run) {
-            let last_seen = self.sight.last_seen();
-            out.push_back(LineEffect::Note(
-                self.drive,
-                DriveNote::MayStillRun(last_seen),
-            ));
-            out.keep(self.drive, JournalEntry::OutOfSight { last_seen });
+            self.may_still_run(out);
         }
+    }
+
+    /// The drive was ordered to run, or may have been. Out of sight it may do so from now on, whatever a person confirmed before.
+    pub(super) fn ordered_out_of_sight(&mut self, out: Out<'_>) {
+        if self.sight.ordered() {
+            self.may_still_run(out);
+        }
+    }
+
+    fn may_still_run(&self, out: Out<'_>) {
+        let last_seen = self.sight.last_seen();
+        out.push_back(LineEffect::Note(
+            self.drive,
+            DriveNote::MayStillRun(last_seen),
+        ));
+        out.keep(self.drive, JournalEntry::OutOfSight { last_seen });
     }
 
     /// What was read of the motor too long ago shows nothing any more: the drive answers, but not what it is asked.
