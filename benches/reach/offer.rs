@@ -71,7 +71,7 @@ impl Offer {
                 turn(&poll, &mut all, &mut answers);
                 if again.elapsed() >= Duration::from_millis(20) {
                     again = Instant::now();
-                    all.iter_mut().for_each(|client| client.ask_anew(again));
+                    all.iter_mut().for_each(|client| client.ask_again(again));
                 }
             }
             answers
@@ -115,7 +115,7 @@ impl Client {
         self.send();
     }
 
-    fn ask_anew(&mut self, now: Instant) {
+    fn ask_again(&mut self, now: Instant) {
         while let Some((at, slot)) = self.refused.front().copied() {
             if now.duration_since(at) < ASK_ANEW_AFTER {
                 break;

@@ -35,7 +35,7 @@ enum CliCommand {
     /// a temporary directory, and a trip of the last drive that is reset at its panel, so that each panel has something to show.
     /// Enter trips the first drive.
     Demo(demo::Args),
-    /// From a serial port to a configuration that works: finds the drives, asks the rest, and writes it
+    /// Create a working configuration: finds the drives, asks for the rest, and writes the file
     Init(Box<init::Args>),
     /// Run the gateway
     Run(run::Args),

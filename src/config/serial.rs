@@ -43,7 +43,7 @@ fn one(
     {
         let problem = port
             .location
-            .problem("a serial master is not reached over Modbus TCP");
+            .problem("a serial master cannot be reached over Modbus TCP");
         problems.push(problem.right(
             "its serial device or `tcp://`; Modbus TCP clients connect to a `[[modbus_tcp]]`",
         ));

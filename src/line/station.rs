@@ -371,11 +371,11 @@ impl StationState {
             .find(|expired| self.is_mistakable(&expired.request, request));
         self.taken = taken.map(|expired| now.since(expired.sent_at));
         self.expired.clear();
-        let (looks, until_anew) = self.looks;
-        self.looks = if until_anew == 0 {
+        let (looks, until_next) = self.looks;
+        self.looks = if until_next == 0 {
             LOOKS
         } else {
-            (looks, until_anew - 1)
+            (looks, until_next - 1)
         };
         if was_noisy && self.looks.0 > 0 && !self.is_identified {
             self.looks.0 -= 1;

@@ -149,7 +149,7 @@ impl Site {
                         .read_unit(UNIFORM, REASON, 1)
                         .is_ok_and(|reason| SOON.contains(&reason[0])) =>
                 {
-                    // An order to run that came before the trip was seen to be cleared is given anew, behind a stop.
+                    // An order to run that came before the trip was seen to be cleared is given again, behind a stop.
                     (register == 256 && word == 1).then(|| client.write(UNIFORM, register, 0));
                     None
                 }

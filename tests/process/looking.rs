@@ -513,7 +513,7 @@ fn a_drive_that_a_tab_commands_stops_when_the_tab_is_gone() {
     browser.wait("document.querySelector('#drive-pump-1 .stop').checkVisibility()");
     start_forward(&browser, "30");
     browser.wait_for_text(&in_card(".owner"), "Commanded by this tab");
-    // A page that is loaded anew is the same tab, and goes on.
+    // A page that is reloaded is the same tab, and goes on.
     browser.reload();
     browser.wait(IS_LIVE);
     browser.wait_for_text(&in_card(".owner"), "Commanded by this tab");

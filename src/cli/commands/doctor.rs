@@ -436,12 +436,12 @@ mod tests {
 
     #[test]
     fn what_is_wrong_with_the_gateway_itself_follows_the_lines() {
-        let finding = json!({ "severity": "problem", "text": "the broker is not reached" });
+        let finding = json!({ "severity": "problem", "text": "the broker cannot be reached" });
         let advice = [finding];
         let own = own_findings(&advice);
         assert_eq!(
             section("gateway", &own),
-            "\ngateway\n  problem: the broker is not reached\n"
+            "\ngateway\n  problem: the broker cannot be reached\n"
         );
         assert_eq!(section("gateway", &[]), "");
     }

@@ -119,7 +119,7 @@ fn journal_attempt(side: &LocalSide, who: OrderingClient, line: &SharedLine, out
             TriedWrite::Text(format!("standby yield {}", line.name)),
             report,
         );
-        tracing::info!(line = %line.name, by = %who.owner(), outcome = outcome.keyword(), "asked to give the line up");
+        tracing::info!(line = %line.name, by = %who.owner(), outcome = outcome.keyword(), "partner asked to take the line");
     }
 }
 

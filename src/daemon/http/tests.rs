@@ -227,7 +227,7 @@ fn alive_and_ready_differ() {
         assert_eq!(
             ask(address, "GET", "/readyz").await.0,
             503,
-            "the broker is not reached"
+            "the broker cannot be reached"
         );
         state
             .mqtt

@@ -7,7 +7,7 @@ use std::io;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 
-/// After so many attempts that fail in the same way the advice is made anew: an adapter may have been plugged in.
+/// After so many attempts that fail in the same way the advice is worked out again: an adapter may have been plugged in.
 const ATTEMPTS_PER_ADVICE: u32 = 25;
 
 /// The words for the last refusal. To find them takes longer than an attempt to open the port.

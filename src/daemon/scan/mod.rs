@@ -10,7 +10,7 @@ use crate::daemon::lines::tool_line::NoLine;
 
 /// What may help if no drive answers.
 pub const ADVICE: &str = "nothing answers. Is the drive switched on, set to RS-485 and to a station among those that \
-                          were asked? Are A and B exchanged? Try --all-settings, or --stations 1-247";
+                          were asked? Are A and B swapped? Try --all-settings, or --stations 1-247";
 
 /// Why a scan ended early, for people.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

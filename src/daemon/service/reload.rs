@@ -351,7 +351,7 @@ mod tests {
         assert_eq!(
             refused,
             ReloadRefusal::Configuration("read".to_owned()),
-            "it is read anew"
+            "it is read again"
         );
     }
 }

@@ -128,7 +128,7 @@ fn a_damaged_file_is_moved_aside_and_new_trends_are_kept() {
 }
 
 #[test]
-fn a_file_that_is_deleted_while_it_is_open_begins_anew() {
+fn a_file_that_is_deleted_while_it_is_open_starts_again() {
     let directory = Dir::new();
     let file = directory.join(FILE_NAME);
     let mut writer = TrendWriter {

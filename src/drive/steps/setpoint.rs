@@ -105,7 +105,7 @@ pub(super) fn setpoint_of_run(
     go: &GoOrder,
     last: Option<Hertz>,
 ) -> Result<Option<Hertz>, NoSteps> {
-    // A range of words can be checked, a range of pairs is not; a sign that orders the direction is given anew.
+    // A range of words can be checked, a range of pairs is not; a sign that orders the direction is given again.
     let is_checked = model
         .setting_register()
         .is_some_and(|setting| setting.form.pair.is_none());

@@ -13,7 +13,7 @@ pub enum StandbyChange {
     Rival,
     /// What came instead of its first replies shows that another one sends as well.
     Collided,
-    /// It was asked to give the line up.
+    /// It was partner asked to take the line.
     Yielded,
     /// It hears no drive.
     Deaf,

@@ -939,7 +939,7 @@ fn the_gateway_tells_of_its_broker_and_its_journal() {
         said[0]
             .text
             .to_string()
-            .contains("not reached (broker:1883: Connection refused)"),
+            .contains("cannot be reached (broker:1883: Connection refused)"),
         "{said:?}"
     );
     let alone = BrokerWay {

@@ -315,7 +315,7 @@ impl OrderedWord {
 impl RunCommand {
     /// What `word` orders when a client writes it; `None` if it is not exactly one known command.
     ///
-    /// Whoever writes 0 wants the motor stopped. Where 0 is no command of the drive, it is therefore the order to stop, and
+    /// A client that writes 0 wants the motor stopped. Where 0 is no command of the drive, it is therefore the order to stop, and
     /// the drive's own word for that is sent, never the 0: it would be ignored, or would leave the motor running. Where 0
     /// coasts, it is a coast, if that is proven.
     #[must_use]

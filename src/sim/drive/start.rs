@@ -100,7 +100,7 @@ impl SimDrive {
     }
 
     /// Whether the run word in the register at `place` turns the motor. Where that register itself shows it, what counts is the
-    /// word that it holds, whoever wrote it and whenever: the drive obeys a change of it.
+    /// word that it holds, no matter who wrote it and when: the drive obeys a change of it.
     fn is_ready(&self, at: MonoTime, place: MemoryAddress) -> bool {
         let steps = self.model.start_steps();
         let address = self.model.registers[place.index].address;

@@ -308,7 +308,7 @@ fn documents_are_found_and_mistakes_are_named() {
             advice["advice"][0]["text"]
                 .as_str()
                 .unwrap()
-                .contains("the broker is not reached"),
+                .contains("the broker cannot be reached"),
             "{advice}"
         );
         assert_eq!(of("/api/v1/state").await.1["drives"][0]["name"], "pump-1");

@@ -16,7 +16,7 @@ use std::sync::LazyLock;
 /// The file that is the page itself.
 const INDEX: &str = "index.html";
 
-/// What a browser keeps to say that the gateway is not reached. It is served at the root, because it acts below itself.
+/// What a browser keeps to say that the gateway cannot be reached. It is served at the root, because it acts below itself.
 const OFFLINE_WORKER: &str = "offline.js";
 
 /// A file of the page.
@@ -116,7 +116,7 @@ fn lean(file: &PageFile) -> Cow<'static, [u8]> {
 }
 
 /// The page at `/`, and what it needs below `/assets/`. `/open/` leads to it: the app that was installed from the page
-/// starts there, and only there its worker may answer that the gateway is not reached.
+/// starts there, and only there its worker may answer that the gateway cannot be reached.
 pub(super) fn router<S: Clone + Send + Sync + 'static>() -> Router<S> {
     let index = async |headers: HeaderMap| answer(INDEX, &headers);
     let asset = async |Path(name): Path<String>, headers: HeaderMap| answer(&name, &headers);

@@ -94,7 +94,7 @@ export class Hold {
     if (!this.is_off) this.act();
   }
 
-  /** Names it anew. What was begun under another name was meant otherwise, so it is dropped. */
+  /** Renames it. What was begun under another name was meant otherwise, so it is dropped. */
   rename(label) {
     if (label === this.label) return;
     this.cancel();

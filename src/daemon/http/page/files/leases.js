@@ -41,7 +41,7 @@ export function observe({ name, control }) {
   const is_ours = owner !== null && owner === own_name();
   const lease = held.get(name);
   if (!lease) {
-    // A tab that was loaded anew goes on with what it commanded before.
+    // A tab that was reloaded goes on with what it commanded before.
     if (is_ours && stored().includes(name)) hold(name, control.lost_after_s);
   } else if (is_ours) {
     lease.is_shown = true;
@@ -98,7 +98,7 @@ function store() {
   try {
     sessionStorage.setItem(STORED, JSON.stringify([...held.keys()]));
   } catch {
-    // Without a store a page that is loaded anew has to take control anew.
+    // Without a store a page that is reloaded has to take control again.
   }
 }
 

@@ -1,4 +1,4 @@
-// Says to a person who starts the installed app that the gateway is not reached. It keeps one page and answers nothing else.
+// Says to a person who starts the installed app that the gateway cannot be reached. It keeps one page and answers nothing else.
 
 // A browser keeps the page until this name is another one: a changed page needs a new name.
 const KEPT = "offline-2";

@@ -41,7 +41,7 @@ export class Trend {
       h("p", { class: "about" }, t("trend.how", { zone })),
     );
     setInterval(() => this.is_due() && this.load(), 1000);
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw_anew());
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.redraw());
     new ResizeObserver(() => this.resize()).observe(this.place);
   }
 
@@ -101,7 +101,7 @@ export class Trend {
     const layout = JSON.stringify([wanted, this.answers.map(({ columns }) => columns), this.values.chosen()]);
     if (layout !== this.shown || this.charts.length === 0) {
       this.shown = layout;
-      this.draw_anew();
+      this.redraw();
     } else {
       this.charts.forEach(({ chart, series }) => renew(chart, data(this.answers, series)));
     }
@@ -135,7 +135,7 @@ export class Trend {
     return units;
   }
 
-  draw_anew() {
+  redraw() {
     this.charts.forEach(({ chart }) => chart.destroy());
     this.charts = [];
     fill(this.place);
