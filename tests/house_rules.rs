@@ -22,6 +22,7 @@ use source::Source;
 use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::Path;
+use std::sync::LazyLock;
 
 /// The rooms; each uses only those before it.
 const ROOMS: [&str; 15] = [
@@ -69,9 +70,6 @@ const ROOMS_WITH_IO: [&str; 3] = ["daemon", "cli", "main"];
 const UNSAFE_FILE: &str = "src/daemon/host/sys.rs";
 /// A file that grows beyond this has two things in it.
 const MAX_LINES: usize = 600;
-const VENDOR_NAMES: [&str; 8] = [
-    "hyundai", "n700", "n100", "toshiba", "teco", "frecon", "e510", "fr500",
-];
 /// Beginnings of paths of one machine, in two parts so that this file does not break its own rule.
 const MACHINE_PATHS: [(&str, &str); 4] = [
     ("/ho", "me/"),
@@ -219,6 +217,23 @@ fn a_file_begins_with_a_sentence(source: &Source) -> Vec<String> {
     }
 }
 
+/// The makers and series that have model files. A series may be a bare number, which names no vendor.
+static VENDOR_NAMES: LazyLock<BTreeSet<String>> = LazyLock::new(|| {
+    let is_name = |name: &String| *name != "generic" && !name.bytes().all(|it| it.is_ascii_digit());
+    vfd_gateway::vendors::texts()
+        .iter()
+        .flat_map(|(file, _)| file.trim_end_matches(".toml").split('/'))
+        .flat_map(|name| {
+            [
+                name.to_owned(),
+                name.replace('-', "_"),
+                name.replace('-', ""),
+            ]
+        })
+        .filter(is_name)
+        .collect()
+});
+
 fn vendors_are_named_only_in_their_room(source: &Source) -> Vec<String> {
     if source.room() == "vendors" {
         return Vec::new();
@@ -226,10 +241,12 @@ fn vendors_are_named_only_in_their_room(source: &Source) -> Vec<String> {
     let mut wrong = Vec::new();
     for (line, text) in numbered(&source.shipped) {
         let text = text.to_lowercase();
-        for name in VENDOR_NAMES {
-            let begins_a_word =
-                |(at, _): (usize, &str)| !text[..at].ends_with(|c: char| c.is_alphanumeric());
-            if text.match_indices(name).any(begins_a_word) {
+        let is_part = char::is_alphanumeric;
+        for name in VENDOR_NAMES.iter() {
+            let is_whole = |(at, _): (usize, &str)| {
+                !text[..at].ends_with(is_part) && !text[at + name.len()..].starts_with(is_part)
+            };
+            if text.match_indices(name.as_str()).any(is_whole) {
                 wrong.push(source.at(line, &format!("names {name}")));
             }
         }
