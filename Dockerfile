@@ -13,7 +13,9 @@ WORKDIR /src
 COPY deploy/container/build.sh /build.sh
 RUN /build.sh tools
 COPY . .
-RUN /build.sh program
+# The program of a version that is not a release shows its commit.
+ARG REVISION
+RUN VFD_GATEWAY_BUILD=$REVISION /build.sh program
 
 # Debian as the wanted machine has it. Its files are taken, and nothing of it is run.
 FROM debian:${DEBIAN}-slim AS debian

@@ -5,6 +5,7 @@ pub mod commands;
 mod help;
 pub mod tools;
 
+use crate::domain::version::PROGRAM_VERSION;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use commands::{
     broker, capture, certificate, check, completions, demo, diagnose, doctor, enable, health, init,
@@ -18,7 +19,7 @@ use tools::log;
 ///
 /// Not a safety function: emergency stop and safe torque off are hard-wired.
 #[derive(Debug, Parser)]
-#[command(name = "vfd-gateway", version, arg_required_else_help = true)]
+#[command(name = "vfd-gateway", version = PROGRAM_VERSION, arg_required_else_help = true)]
 pub struct Cli {
     /// Format of log lines on stderr
     #[arg(long, global = true, value_enum, default_value_t = log::LogFormat::Text)]

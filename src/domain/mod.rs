@@ -19,3 +19,4 @@ pub mod suspicion;
 pub mod time;
 pub mod traffic;
 pub mod units;
+pub mod version;

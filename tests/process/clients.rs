@@ -6,6 +6,7 @@ use super::plant::{FREQUENCY, Plant, RUN};
 use super::raw::Raw;
 use serde_json::{Value, json};
 use std::net::SocketAddr;
+use vfd_gateway::domain::version::PROGRAM_VERSION;
 
 type Client = fn(SocketAddr, &[&str]) -> Vec<Value>;
 
@@ -98,7 +99,7 @@ fn every_function_that_all_clients_have_is_answered_to_each_of_them() {
 #[test]
 fn masks_reads_with_writes_and_identification_are_answered() {
     let plant = Plant::new();
-    let text = json!({"0": "vfd-gateway", "1": "vfd-gateway", "2": env!("CARGO_PKG_VERSION")});
+    let text = json!({"0": "vfd-gateway", "1": "vfd-gateway", "2": PROGRAM_VERSION});
     for (name, client) in &CLIENTS[..2] {
         let both = |words: &str| format!("both:101:257:1,257,{words}");
         let (mask, identity) = ("mask:101:257:65280,200", "identity:255:1:0");

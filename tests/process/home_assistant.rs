@@ -11,6 +11,7 @@ use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
+use vfd_gateway::domain::version::PROGRAM_VERSION;
 
 const ON: &str = "home_assistant = { discovery = true, combined = [\"switch\", \"fan\"] }";
 /// An answer to a birth may take so long, and a hundred of them a second go out.
@@ -248,7 +249,7 @@ fn its_own_schemas_and_templates_take_what_is_announced() {
         ("drive_pump-1_owner", "nobody"),
         ("gateway_connected", "online"),
         ("gateway_line_hall-1_up", "True"),
-        ("gateway_version", env!("CARGO_PKG_VERSION")),
+        ("gateway_version", PROGRAM_VERSION),
     ] {
         if shown.contains_key(object) {
             assert_eq!(of_state(object), right, "{object}");

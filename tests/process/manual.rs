@@ -2,6 +2,7 @@
 
 use super::rig::{Place, program, vfd_gateway};
 use std::process::Command;
+use vfd_gateway::domain::version::PROGRAM_VERSION;
 
 /// A program that would complain of a language for which nothing is installed, and set pages for the width of a terminal.
 fn in_any_place(name: &str) -> Command {
@@ -136,8 +137,7 @@ fn man_shows_a_page_for_each_command() {
     assert_eq!(String::from_utf8_lossy(&page.stderr), "");
     let text = String::from_utf8_lossy(&page.stdout);
     assert!(
-        text.contains("Exit codes: 0")
-            && text.contains(&format!("vfd-gateway {}", env!("CARGO_PKG_VERSION"))),
+        text.contains("Exit codes: 0") && text.contains(&format!("vfd-gateway {PROGRAM_VERSION}")),
         "{text}"
     );
 }

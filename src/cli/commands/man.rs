@@ -1,13 +1,11 @@
 //! `man`: the manual pages of this program, generated from the same source as `--help`.
 
 use crate::cli::tools::{CommandFailure, print};
+use crate::domain::version::PROGRAM_VERSION;
 use clap::Command;
 use clap_mangen::Man;
 use std::io;
 use std::path::{Path, PathBuf};
-
-/// The footer of each page.
-const SOURCE: &str = concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION"));
 
 /// Arguments of `man`.
 #[derive(Debug, clap::Args)]
@@ -51,5 +49,5 @@ fn write_all(command: &Command, dir: &Path) -> io::Result<()> {
 }
 
 fn page_of(command: &Command) -> Man {
-    Man::new(command.clone()).source(SOURCE)
+    Man::new(command.clone()).source(format!("vfd-gateway {PROGRAM_VERSION}"))
 }

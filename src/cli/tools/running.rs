@@ -4,6 +4,7 @@ use super::{CommandFailure, input};
 use crate::daemon::service::reload::ConfigOrigin;
 use crate::daemon::service::run as daemon;
 use crate::daemon::service::signals::told_to_end;
+use crate::domain::version::PROGRAM_VERSION;
 use rustix::system::uname;
 use std::path::Path;
 use std::sync::Arc;
@@ -36,11 +37,7 @@ pub fn run(file: &Path) -> Result<(), CommandFailure> {
             .name
             .as_ref()
             .map_or_else(host, ToString::to_string);
-        tracing::info!(
-            gateway = name,
-            version = env!("CARGO_PKG_VERSION"),
-            "running"
-        );
+        tracing::info!(gateway = name, version = PROGRAM_VERSION, "running");
         for address in &running.listening {
             tracing::info!(%address, "Modbus TCP");
         }

@@ -2,6 +2,7 @@
 
 use super::adapters;
 use super::archive::ArchivedFile;
+use crate::domain::version::PROGRAM_VERSION;
 use rustix::system::uname;
 use serde_json::{Value, json};
 use std::fs;
@@ -22,7 +23,7 @@ fn versions() -> Value {
         .find_map(|line| line.strip_prefix("PRETTY_NAME="));
     let word = |text: &std::ffi::CStr| text.to_string_lossy().into_owned();
     json!({
-        "version": env!("CARGO_PKG_VERSION"),
+        "version": PROGRAM_VERSION,
         "architecture": std::env::consts::ARCH,
         "system": system.map(|name| name.trim_matches('"')),
         "kernel": word(uname.release()),

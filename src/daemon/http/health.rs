@@ -5,6 +5,7 @@ use crate::daemon::exchange::shared::{SharedDrive, SharedLine};
 use crate::daemon::host::clock;
 use crate::domain::report::{LineReport, LineState};
 use crate::domain::time::MonoTime;
+use crate::domain::version::PROGRAM_VERSION;
 use crate::drive::plan::RefusedRegister;
 use crate::north::broker::OversizedPublication;
 use crate::north::clock::LabelClock;
@@ -26,7 +27,7 @@ pub(super) fn readiness(state: &HttpState) -> Value {
 pub(super) fn health(state: &HttpState, now: MonoTime) -> Value {
     json!({
         "gateway": state.gateway,
-        "version": env!("CARGO_PKG_VERSION"),
+        "version": PROGRAM_VERSION,
         "uptime_seconds": now.since(state.started).as_secs(),
         "ready": state.is_ready(),
         "lines": state.shared.load().lines.iter().map(|it| line(it)).collect::<Vec<_>>(),

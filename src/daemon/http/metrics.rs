@@ -6,6 +6,7 @@ use crate::daemon::exchange::shared::{SharedDrive, SharedPlant};
 use crate::domain::counts::ReplyCounts;
 use crate::domain::report::REPLY_CLASSES;
 use crate::domain::time::MonoTime;
+use crate::domain::version::PROGRAM_VERSION;
 use crate::drive::view::DriveView;
 use crate::north::shown;
 use crate::profile::model::{PollClass, Register, RegisterRole};
@@ -42,10 +43,7 @@ impl Collector for MetricsScrape {
     fn encode(&self, mut encoder: DescriptorEncoder<'_>) -> fmt::Result {
         let state = &self.state;
         let shared = self.state.shared.get();
-        let version = vec![
-            ("version", env!("CARGO_PKG_VERSION")),
-            ("gateway", &state.gateway),
-        ];
+        let version = vec![("version", PROGRAM_VERSION), ("gateway", &state.gateway)];
         gauges(&mut encoder, &table::BUILD, [(version, 1.0)])?;
         each(&mut encoder, table::GATEWAY, || {
             [(Vec::new(), state.as_ref())]

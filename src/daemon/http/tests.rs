@@ -20,6 +20,7 @@ use crate::domain::report::{
 use crate::domain::report::{ReplyReport, StationReport, StopBounds};
 use crate::domain::standby::{LineRole, StandbyReport, StandbyTrouble};
 use crate::domain::time::{MonoTime, WallTime};
+use crate::domain::version::PROGRAM_VERSION;
 use crate::drive::description::{DriveDescription, DriveRef, PointSettings};
 use crate::drive::snapshot::{DrivePresence, DriveSnapshot};
 use crate::drive::view::{ControlView, DriveView, RunState};
@@ -276,7 +277,7 @@ fn health_names_lines_and_drives() {
         let (_, body) = ask(address, "GET", "/api/v1/health").await;
         let health: serde_json::Value = serde_json::from_str(&body).unwrap();
         assert_eq!(health["gateway"], "plant-a");
-        assert_eq!(health["version"], env!("CARGO_PKG_VERSION"));
+        assert_eq!(health["version"], PROGRAM_VERSION);
         assert_eq!(health["ready"], true, "no broker is configured");
         let line = serde_json::json!({ "name": "hall-1", "state": "up", "reason": null, "suspicion": null, "standby": null });
         assert_eq!(health["lines"], serde_json::json!([line]));

@@ -12,6 +12,7 @@ use crate::daemon::exchange::origin::RowOrigin;
 use crate::daemon::host::clock;
 use crate::domain::ids::Name;
 use crate::domain::time::{MonoTime, WallTime};
+use crate::domain::version::PROGRAM_VERSION;
 use crate::journal::audit::LostCounts;
 use crate::journal::{EntryToKeep, JournalBook, JournalEntry, RowNumber, row};
 use std::collections::{BTreeMap, BTreeSet};
@@ -146,7 +147,7 @@ impl JournalWriter {
             .is_some_and(|last| last != configuration);
         self.book.note(row::started(
             clock::wall(),
-            env!("CARGO_PKG_VERSION"),
+            PROGRAM_VERSION,
             configuration,
             has_changed,
         ));

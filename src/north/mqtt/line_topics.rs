@@ -7,6 +7,7 @@ use crate::domain::ids::Name;
 use crate::domain::report::{LineCounters, LineReport, REPLY_CLASSES, ReplyReport, StationReport};
 use crate::domain::suspicion::LineSuspicion;
 use crate::domain::time::MonoTime;
+use crate::domain::version::PROGRAM_VERSION;
 use crate::drive::description::DriveDescription;
 use crate::north::broker::{Publication, Qos, SessionLine};
 use crate::north::shown::{capabilities, millis, site};
@@ -292,7 +293,7 @@ pub(super) fn infos(
         is_told: false,
     };
     let document = json!({
-        "version": env!("CARGO_PKG_VERSION"),
+        "version": PROGRAM_VERSION,
         "gateway": settings.gateway.as_str(),
         "started": started,
         "lines": lines.iter().map(Name::as_str).collect::<Vec<_>>(),

@@ -1,5 +1,6 @@
 //! The gateway as a document.
 
+use crate::domain::version::PROGRAM_VERSION;
 use crate::north::broker::OversizedPublication;
 use serde_json::{Value, json};
 
@@ -66,7 +67,7 @@ impl PageGateway {
     pub fn document(&self, uptime_s: u64) -> Value {
         json!({
             "name": self.name,
-            "version": env!("CARGO_PKG_VERSION"),
+            "version": PROGRAM_VERSION,
             "started_at": self.started_at,
             "uptime_s": uptime_s,
             "ready": self.is_ready,

@@ -1,6 +1,7 @@
 //! The metrics of the edge node itself: the gateway and its lines.
 
 use super::payload::{PayloadMetric, PayloadType, PayloadValue, PropertyScalar, PropertySet};
+use crate::domain::version::PROGRAM_VERSION;
 use crate::north::broker::SessionLine;
 
 /// The name of the metric that identifies a session; it has no alias.
@@ -90,7 +91,7 @@ impl EdgeNode {
                 PayloadValue::Boolean(false),
             ),
         ];
-        let version = env!("CARGO_PKG_VERSION");
+        let version = PROGRAM_VERSION;
         all.push(metric(
             "Properties/version",
             Some(VERSION_ALIAS),

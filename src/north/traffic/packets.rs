@@ -3,6 +3,7 @@
 use super::pcapng::{self, CaptureHeader, CapturePacket, PacketDirection};
 use crate::domain::calendar;
 use crate::domain::link::Framing;
+use crate::domain::version::PROGRAM_VERSION;
 use crate::toml_file::words::SHOWN_FRAMINGS;
 use serde_json::Value;
 
@@ -119,7 +120,7 @@ pub fn beginning_of(line: &Value, host: (&str, &str)) -> Vec<u8> {
     pcapng::beginning(&CaptureHeader {
         hardware: host.0,
         os: host.1,
-        application: concat!("vfd-gateway ", env!("CARGO_PKG_VERSION")),
+        application: &format!("vfd-gateway {PROGRAM_VERSION}"),
         line: word("line"),
         description: &description.collect::<Vec<_>>().join(", "),
         baud: line["baud"].as_u64().unwrap_or(0),

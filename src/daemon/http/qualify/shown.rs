@@ -10,6 +10,7 @@ use crate::domain::command::Direction;
 use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::link::Framing;
 use crate::domain::units::UnitOfMeasure;
+use crate::domain::version::PROGRAM_VERSION;
 use crate::north::shown::{presence, run_state};
 use crate::profile::model::{BasicFact, Model, OrderKind, RegisterRole};
 use serde_json::{Map, Value, json};
@@ -43,7 +44,7 @@ pub(super) async fn all(trials: &GatewayTrials, drive: &SharedDrive) -> Value {
         "line": description.line.as_str(),
         "model": model.id,
         "model_digest": format!("{:016x}", model.digest),
-        "version": env!("CARGO_PKG_VERSION"),
+        "version": PROGRAM_VERSION,
         "identity": as_it_is.as_ref().ok().and_then(|it| it.identity).map(|(_, word)| word),
         "not_identified": as_it_is.as_ref().err().map(|report| report.message()),
         "firmware": firmware(trials, drive).await,

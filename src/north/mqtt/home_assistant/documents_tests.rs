@@ -5,6 +5,7 @@ use super::plant::DiscoveryPlant;
 use crate::domain::command::Direction;
 use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::ids::Name;
+use crate::domain::version::PROGRAM_VERSION;
 use crate::drive::description::{DriveDescription, DriveRatings, PointSettings};
 use crate::north::broker::MqttVersion;
 use crate::north::mqtt::harness::{drives, name, settings};
@@ -93,7 +94,7 @@ fn golden(file: &str, found: Map<String, Value>) {
         env!("CARGO_MANIFEST_DIR")
     );
     let found = serde_json::to_string_pretty(&Value::Object(found)).unwrap() + "\n";
-    let found = found.replace(&format!("\"{}\"", env!("CARGO_PKG_VERSION")), "\"VERSION\"");
+    let found = found.replace(&format!("\"{PROGRAM_VERSION}\""), "\"VERSION\"");
     if std::env::var_os("UPDATE_GOLDEN").is_some() {
         std::fs::write(&path, &found).unwrap();
     }

@@ -3,6 +3,7 @@
 use super::entity::{DiscoveryEntity, EntityNeeds};
 use super::{drive, gateway, ids};
 use crate::domain::ids::Name;
+use crate::domain::version::PROGRAM_VERSION;
 use crate::drive::description::DriveDescription;
 use crate::north::mqtt::topics::MqttTopics;
 use crate::north::mqtt::types::{HomeAssistant, Settings};
@@ -288,7 +289,7 @@ impl<'a> DiscoveryPlant<'a> {
                 "name": self.gateway.as_str(),
                 "manufacturer": env!("CARGO_PKG_NAME"),
                 "model": "Gateway for variable-frequency drives",
-                "sw_version": env!("CARGO_PKG_VERSION"),
+                "sw_version": PROGRAM_VERSION,
             }),
             DiscoveryDevice::Drive(drive) => json!({
                 "identifiers": [id(&device.object())],
@@ -303,8 +304,7 @@ impl<'a> DiscoveryPlant<'a> {
 
 /// The announcing software. The URL is present if the package has one.
 fn origin() -> Value {
-    let mut origin =
-        json!({ "name": env!("CARGO_PKG_NAME"), "sw_version": env!("CARGO_PKG_VERSION") });
+    let mut origin = json!({ "name": env!("CARGO_PKG_NAME"), "sw_version": PROGRAM_VERSION });
     let url = env!("CARGO_PKG_REPOSITORY");
     if !url.is_empty() {
         origin["support_url"] = url.into();
