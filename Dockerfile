@@ -26,7 +26,7 @@ ARG TARGETVARIANT
 RUN --mount=type=bind,from=debian,source=/,target=/debian /build.sh root /debian /image && install -d -m 700 /data/vfd-gateway
 
 FROM scratch
-ARG VERSION=0.8.0
+ARG VERSION=0.9.0-dev
 ARG REVISION=unknown
 LABEL org.opencontainers.image.title="vfd-gateway" \
       org.opencontainers.image.description="Bridges variable-frequency drives on serial lines to Modbus TCP and MQTT" \

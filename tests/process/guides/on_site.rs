@@ -113,6 +113,12 @@ fn the_guide_to_the_installation_works() {
         "it needs a system with systemd: `tests/run package` boots one and does it there";
     const EDITOR: &str = "a person types into it";
     const NOT_RUN: &[NotRun] = &[
+        (
+            "sh install.sh",
+            "there is no release to fetch: `tests/supply_chain/installing.rs` installs one",
+        ),
+        ("echo 'deb ", HOST),
+        ("sudo apt-get", HOST),
         ("cargo install cargo-deb", PACKAGE),
         ("deploy/debian/build", PACKAGE),
         ("sudo apt install", PACKAGE),
