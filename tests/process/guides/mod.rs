@@ -76,7 +76,7 @@ fn every_configuration_and_every_document_in_the_guides_is_sound() {
 }
 
 /// Guides that are not followed here, and why.
-const ELSEWHERE: [(&str, &str); 7] = [
+const ELSEWHERE: [(&str, &str); 8] = [
     ("sparkplug.md", "`sparkplug` plays the host that it needs"),
     (
         "container.md",
@@ -92,6 +92,7 @@ const ELSEWHERE: [(&str, &str); 7] = [
         "it goes from symptoms to remedies, and not from a beginning to an end",
     ),
     ("mistakes.md", "`mistakes` makes each of them"),
+    ("upgrade.md", "it says what changed, and nothing is typed"),
     ("../deploy/adding-a-drive.md", "`adding` follows it"),
 ];
 
