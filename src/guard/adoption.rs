@@ -1,117 +1,34 @@
 //! A drive that runs by the order of another gateway of its line, which is lost: it goes on for a while, so that its
 //! client can come back here. Nothing is started by that.
 
-use super::approved::{LossAction, StopOrder};
-use super::state::DriveGuard;
-use crate::domain::command::{Direction, Order, OrderManner, Origin, Owner, RunIntent};
-use crate::domain::control::{ControlSettings, FailSafe, LeaseMode};
-use crate::domain::standby::OnGatewayLost;
+use crate::domain::command::{Direction, Order, OrderManner};
+use crate::domain::control::{ControlSettings, LeaseMode};
 use crate::domain::time::MonoTime;
-use crate::journal::FailSafeCause;
 
 /// An order that was heard on the line and has no owner here yet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct AdoptedOrder {
-    /// The order.
-    pub direction: Direction,
-    /// When the declared action for a lost client runs, unless a client takes the order up before.
-    pub until: MonoTime,
+    direction: Direction,
+    until: MonoTime,
 }
 
-impl DriveGuard {
-    /// This gateway takes the line over from another at `now`. The drive is ordered to run, in `direction` if that is
-    /// known. Returns the declared action; `None` if the drive goes on, as it does where the line was handed over.
-    pub fn gateway_left(
-        &mut self,
-        direction: Option<Direction>,
-        was_handed_over: bool,
-        now: MonoTime,
-    ) -> Option<LossAction> {
-        let control = self.control.clone()?;
-        self.lease = None;
-        self.inhibit(now);
-        self.turned = direction.or(self.turned);
-        let declared = control.on_gateway_lost.unwrap_or(OnGatewayLost::Stop);
-        let action = match if was_handed_over {
-            OnGatewayLost::Adopt
-        } else {
-            declared
-        } {
-            OnGatewayLost::Stop => FailSafe::Stop,
-            OnGatewayLost::Coast => FailSafe::Coast,
-            OnGatewayLost::Hold => FailSafe::Hold,
-            OnGatewayLost::Adopt => return self.adopt(direction, &control, now),
-        };
-        Some(self.falls_due(None, action, FailSafeCause::GatewayLost, now))
+impl AdoptedOrder {
+    pub const fn new(direction: Direction, until: MonoTime) -> Self {
+        Self { direction, until }
     }
 
-    /// This gateway gives the line up: another one controls the drive, or will.
-    pub const fn give_up(&mut self) {
-        self.lease = None;
-        self.adopted = None;
+    /// When the declared action for a lost client runs, unless a client takes the order up before.
+    pub const fn until(self) -> MonoTime {
+        self.until
     }
 
-    /// Another gateway or master of the line stopped the drive at `now`: that is a stop by nobody who has control here.
-    pub fn stop_by_another(&mut self, coast: bool, now: MonoTime) -> Option<StopOrder> {
-        self.control.as_ref()?;
-        let order = self.stop_order(coast)?;
-        self.accept_stop(None, coast, now);
-        Some(order)
-    }
-
-    /// The other gateway is lost at `now` before its stop took effect: it is sent again.
-    pub fn repeat_stop(&mut self, coast: bool, now: MonoTime) -> Option<LossAction> {
-        self.control.as_ref()?;
-        self.lease = None;
-        let action = if coast {
-            FailSafe::Coast
-        } else {
-            FailSafe::Stop
-        };
-        Some(self.lost(None, action, FailSafeCause::GatewayLost, now))
-    }
-
-    /// The gateway shuts down while another one controls the drive: nothing is accepted any more, and nothing is sent.
-    pub const fn end(&mut self) {
-        self.is_ending = true;
-    }
-
-    /// The order is left standing. Where its direction is not known, it cannot be: a client could not repeat it.
-    fn adopt(
-        &mut self,
-        direction: Option<Direction>,
-        control: &ControlSettings,
-        now: MonoTime,
-    ) -> Option<LossAction> {
-        let Some(direction) = direction else {
-            return Some(self.falls_due(
-                None,
-                control.on_commander_lost,
-                FailSafeCause::GatewayLost,
-                now,
-            ));
-        };
-        self.runs_already(direction);
-        self.adopted = Some(AdoptedOrder {
-            direction,
-            until: now + control.lost_after,
-        });
-        None
-    }
-
-    /// The client of `origin` gives an order: if it repeats the adopted one in its cycle, or renews its lease, control is
-    /// its own. A single message to run is reviewed like any other: it may be older than the loss.
-    pub(super) fn take_up(&mut self, origin: Origin, order: &Order, now: MonoTime) {
-        let Some(adopted) = self.adopted else {
-            return;
-        };
-        if !self.is_adopted() {
-            return;
-        }
-        let is_his = match order {
-            Order::Go(_) if origin.manner == OrderManner::Once => false,
+    /// Whether a client takes it up by `order`: it repeats the order in its cycle, or renews its lease. A single message to
+    /// run is reviewed like any other: it may be older than the loss.
+    pub fn is_taken_up_by(self, manner: OrderManner, order: &Order) -> bool {
+        match order {
+            Order::Go(_) if manner == OrderManner::Once => false,
             Order::Go(go) => match go.run() {
-                Some(direction) => direction == adopted.direction,
+                Some(direction) => direction == self.direction,
                 None => go.frequency().is_some(),
             },
             Order::Renew | Order::Take => true,
@@ -121,77 +38,26 @@ impl DriveGuard {
             | Order::EndReset
             | Order::Release
             | Order::Setup(_) => false,
-        };
-        if is_his {
-            self.taken_up_by(origin.owner, now);
         }
     }
+}
 
-    /// The connection of the clients behind `way` is open. That takes the order up only where no other client could have
-    /// given it.
-    pub(super) fn take_up_by_path(&mut self, way: Owner, now: MonoTime) {
-        let Some(control) = &self.control else { return };
-        let by_broker_alone = control.from_mqtt
-            && !(control.from_modbus_tcp || control.from_page || control.from_sparkplug);
-        if self.is_adopted()
-            && way == Owner::Mqtt
-            && by_broker_alone
-            && control.lease == LeaseMode::Session
-        {
-            self.taken_up_by(way, now);
-        }
-    }
-
-    fn taken_up_by(&mut self, owner: Owner, now: MonoTime) {
-        self.armed.add(owner, MonoTime::NEVER);
-        self.take_lease(owner, now);
-    }
-
-    /// Ends the adoption if its time is over at `now`, and returns the declared action; `None` if none is needed, because
-    /// the order is no longer in force and the drive is `at_rest`.
-    pub(super) fn expire_adopted(&mut self, now: MonoTime, at_rest: bool) -> Option<LossAction> {
-        self.adopted.filter(|adopted| adopted.until <= now)?;
-        let is_over = at_rest && !self.is_adopted();
-        let action = self.control.as_ref()?.on_commander_lost;
-        self.inhibit(now);
-        if is_over {
-            return None;
-        }
-        Some(self.falls_due(None, action, FailSafeCause::GatewayLost, now))
-    }
-
-    /// The drive obeys an order to run in `direction` that was not given here.
-    pub(super) fn runs_already(&mut self, direction: Direction) {
-        self.intent = RunIntent::Run(direction);
-        self.run_acknowledged = true;
-        self.obeyed = Some((direction, true));
-        self.turned = Some(direction);
-    }
-
-    /// Another gateway has ordered the drive to run in `direction`.
-    pub const fn turned_by_another(&mut self, direction: Direction) {
-        self.turned = Some(direction);
-    }
-
-    /// The direction of the last order to run, in force or not.
-    #[must_use]
-    pub const fn last_direction(&self) -> Option<Direction> {
-        self.turned
-    }
-
-    /// Whether the order in force waits for a client to take it up.
-    #[must_use]
-    pub fn is_adopted(&self) -> bool {
-        self.adopted.is_some() && matches!(self.intent(), RunIntent::Run(_))
-    }
+/// Whether an open connection to the broker takes an order up: no other client could have given it.
+pub(super) fn is_taken_up_by_broker(control: &ControlSettings) -> bool {
+    let by_broker_alone = control.from_mqtt
+        && !(control.from_modbus_tcp || control.from_page || control.from_sparkplug);
+    by_broker_alone && control.lease == LeaseMode::Session
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::tests::{NOW, RESTING, STOP, command, guard_of, mqtt, plc, run};
-    use super::super::{CommandVerdict, DriveFacts};
+    use super::super::{CommandVerdict, DriveFacts, DriveGuard};
     use super::*;
-    use crate::domain::command::{CommandRequest, Reason};
+    use crate::domain::command::{CommandRequest, Owner, Reason, RunIntent};
+    use crate::domain::control::FailSafe;
+    use crate::domain::fail_safe::FailSafeCause;
+    use crate::domain::standby::OnGatewayLost;
     use crate::drive::testing::{control, model};
     use std::time::Duration;
 

@@ -12,17 +12,17 @@ use crate::wire::pdu::Request;
 /// A command approved for the line, as a bounded list of steps.
 #[derive(Debug)]
 pub struct Approved {
-    pub(super) order: Order,
-    pub(super) owner: Owner,
+    order: Order,
+    owner: Owner,
     /// The drive's stop count at approval. Any later stop voids the approval.
-    pub(super) stops: u64,
-    pub(super) start_before: MonoTime,
-    pub(super) steps: Vec<CommandStep>,
-    pub(super) functions: WriteFunctions,
+    stops: u64,
+    start_before: MonoTime,
+    steps: Vec<CommandStep>,
+    functions: WriteFunctions,
     /// The registers whose writes the drive never answers.
-    pub(super) silent: Vec<Address>,
+    silent: Vec<Address>,
     /// The drive has acknowledged it before and not shown it: only its read-back is an answer.
-    pub(super) is_answered_late: bool,
+    is_answered_late: bool,
 }
 
 /// Why an approved step may not be sent any more.
@@ -35,6 +35,27 @@ pub enum VoidApproval {
 }
 
 impl Approved {
+    /// Approves `order` of `owner` for a drive of `model`, as long as the guard's count of stops is `stops`.
+    pub(super) fn new(
+        model: &Model,
+        owner: Owner,
+        order: Order,
+        steps: Vec<CommandStep>,
+        start_before: MonoTime,
+        stops: u64,
+    ) -> Self {
+        Self {
+            order,
+            owner,
+            stops,
+            start_before,
+            steps,
+            functions: WriteFunctions::of(model),
+            silent: model.silent_writes().collect(),
+            is_answered_late: false,
+        }
+    }
+
     /// The order.
     #[must_use]
     pub const fn order(&self) -> &Order {
@@ -130,10 +151,10 @@ impl Approved {
 /// A stop or a cut-off approved for the line, repeatedly until it is effective.
 #[derive(Debug, PartialEq, Eq)]
 pub struct StopOrder {
-    pub(super) value: u16,
-    pub(super) coast: bool,
+    value: u16,
+    coast: bool,
     /// Its requests in all forms that the model declares for it, the first one first. Never empty.
-    pub(super) forms: Vec<Request>,
+    forms: Vec<Request>,
 }
 
 impl StopOrder {

@@ -1,15 +1,16 @@
-//! The review of orders that require standstill: reset, release, set-up.
+//! The review of orders that require standstill: reset, release, set-up, parameters, and the drive's own watchdog.
 
-use super::approved::Approved;
-use super::review::{CommandVerdict, DriveFacts, no_steps, refused};
+use super::review::{CommandVerdict, DriveFacts, may_do, no_steps, refused};
 use super::state::DriveGuard;
+use super::{commit, registers};
 use crate::domain::address::Address;
 use crate::domain::command::{
-    CommandRequest, Order, OrderManner, Outcome, Owner, Reason, Report, RunIntent,
+    CommandRequest, GoOrder, Order, OrderManner, Outcome, Owner, Reason, Report, RunIntent,
 };
 use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::time::MonoTime;
-use crate::drive::steps;
+use crate::drive::{decode, steps};
+use crate::profile::model::{CommitEffect, CommitWord};
 
 impl DriveGuard {
     pub(super) fn review_reset(
@@ -19,15 +20,15 @@ impl DriveGuard {
         facts: &DriveFacts,
         now: MonoTime,
     ) -> Result<CommandVerdict, Report> {
-        self.may_do(ControlAction::Reset, control)?;
+        may_do(&self.model, ControlAction::Reset, control)?;
         let owner = command.origin.owner;
         let is_cyclic = command.origin.manner == OrderManner::Cyclic;
         let held_until = now + control.lost_after;
-        if is_cyclic && self.holds_reset(owner, held_until, now) {
+        if is_cyclic && self.resetting.renew(owner, held_until, now) {
             self.renew(owner, now);
             return Ok(CommandVerdict::Unchanged);
         }
-        let stands_still = facts.at_standstill && self.intent() == RunIntent::Stop;
+        let stands_still = facts.at_standstill && self.order.intent() == RunIntent::Stop;
         match facts.tripped {
             Some(true) => {}
             None if stands_still => {}
@@ -56,61 +57,6 @@ impl DriveGuard {
         )))
     }
 
-    /// Whether a reset of this model needs a final word, which may be missing.
-    #[must_use]
-    pub fn leaves_a_reset_standing(&self) -> bool {
-        self.control.is_some() && steps::of_take_back(&self.model).is_ok()
-    }
-
-    /// Clears the word of an interrupted reset: that completes the old order and is not a new one. `None` if the drive may
-    /// no longer be commanded.
-    pub fn take_reset_back(&self) -> Option<Approved> {
-        if self.control.is_none() || self.is_ending || self.is_leaving {
-            return None;
-        }
-        let steps = steps::of_take_back(&self.model).ok()?;
-        Some(Approved {
-            order: Order::Reset,
-            owner: Owner::Local,
-            stops: self.stops(),
-            start_before: MonoTime::NEVER,
-            steps,
-            functions: steps::WriteFunctions::of(&self.model),
-            silent: self.model.silent_writes().collect(),
-            is_answered_late: false,
-        })
-    }
-
-    /// Takes back a start that the drive did not follow, and inhibits the next one until a client orders it again. `None` if
-    /// the drive may no longer be commanded.
-    pub fn take_start_back(&mut self, now: MonoTime) -> Option<Approved> {
-        if self.control.is_none() || self.is_ending || self.is_leaving {
-            return None;
-        }
-        let steps = steps::of_start_taken_back(&self.model).ok()?;
-        self.inhibit(now);
-        Some(Approved {
-            order: Order::Stop { setpoint: None },
-            owner: Owner::Local,
-            stops: self.stops(),
-            start_before: MonoTime::NEVER,
-            steps,
-            functions: steps::WriteFunctions::of(&self.model),
-            silent: self.model.silent_writes().collect(),
-            is_answered_late: false,
-        })
-    }
-
-    /// Whether a reset was accepted from `owner`, who has repeated the order ever since; if so, the hold is renewed.
-    fn holds_reset(&mut self, owner: Owner, until: MonoTime, now: MonoTime) -> bool {
-        self.resetting.forget_past(now);
-        let holds = self.resetting.has(owner);
-        if holds {
-            self.resetting.add(owner, until);
-        }
-        holds
-    }
-
     /// Returns control to panel or terminals: only at standstill, because a closed terminal may start the motor, and
     /// only if the control section allows it.
     pub(super) fn review_release(
@@ -123,9 +69,9 @@ impl DriveGuard {
         if !control.allow_release {
             return Err(refused(Reason::NoRelease));
         }
-        self.may_do(ControlAction::Release, control)?;
+        may_do(&self.model, ControlAction::Release, control)?;
         // A controller that holds the release value means only the change to it.
-        if self.is_released && command.origin.manner == OrderManner::Cyclic {
+        if self.order.is_released() && command.origin.manner == OrderManner::Cyclic {
             return Ok(CommandVerdict::Unchanged);
         }
         self.may_change_at_rest(command, facts, now)?;
@@ -150,9 +96,9 @@ impl DriveGuard {
         }
         self.may_change_at_rest(command, facts, now)?;
         let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
-        let commit = self.last_commit(&control, now)?;
+        let commit = commit::after_setup(&self.model, &self.interlocks, &control, now)?;
         let mut steps = steps::of_setup(&self.model, addresses).map_err(no_steps)?;
-        self.commit_after(&mut steps, commit.as_ref(), now);
+        commit::append(&mut steps, commit.as_ref(), &mut self.interlocks, now);
         Ok(CommandVerdict::Go(self.approve(
             command,
             Order::Setup(addresses.to_vec()),
@@ -160,8 +106,81 @@ impl DriveGuard {
         )))
     }
 
+    /// A person at the host restores parameters of the drive, one at a time: at standstill and with nothing ordered, like
+    /// everything that decides how a motor turns.
+    pub(super) fn review_parameter(
+        &mut self,
+        command: &CommandRequest,
+        go: &GoOrder,
+        facts: &DriveFacts,
+        now: MonoTime,
+    ) -> Result<CommandVerdict, Report> {
+        if let Some(word) = commit::written_by(go, &self.model) {
+            return self.review_commit(command, &word, facts, now);
+        }
+        let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
+        registers::may_be_restored(&self.model, &self.interlocks, go.registers(), &control, now)?;
+        self.may_change_at_rest(command, facts, now)?;
+        let mut steps = steps::of_go(&self.model, go, &control, None, self.setpoint.bases())
+            .map_err(no_steps)?;
+        // What stores them is sent once, after the last one.
+        let applies = self.model.commit(CommitEffect::Apply).cloned();
+        commit::append(&mut steps, applies.as_ref(), &mut self.interlocks, now);
+        self.interlocks.approved(&self.model, go.registers(), now);
+        Ok(CommandVerdict::Go(self.approve(
+            command,
+            Order::Go(go.clone()),
+            steps,
+        )))
+    }
+
+    /// A person at the host has restored parameters: they are taken over or stored, once for all of them.
+    fn review_commit(
+        &mut self,
+        command: &CommandRequest,
+        word: &CommitWord,
+        facts: &DriveFacts,
+        now: MonoTime,
+    ) -> Result<CommandVerdict, Report> {
+        let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
+        commit::may_wear(&self.interlocks, word, &control, now)?;
+        self.may_change_at_rest(command, facts, now)?;
+        let mut steps = Vec::new();
+        commit::append(&mut steps, Some(word), &mut self.interlocks, now);
+        Ok(CommandVerdict::Go(self.approve(
+            command,
+            command.order.clone(),
+            steps,
+        )))
+    }
+
+    /// The drive's own watchdog is set like everything that decides when a motor stops: at standstill, with nothing
+    /// ordered, and with read-back.
+    pub(super) fn review_watchdog(
+        &mut self,
+        command: &CommandRequest,
+        go: &GoOrder,
+        facts: &DriveFacts,
+        now: MonoTime,
+    ) -> Result<CommandVerdict, Report> {
+        for write in go.registers() {
+            decode::register(&self.model, *write).map_err(refused)?;
+        }
+        self.may_change_at_rest(command, facts, now)?;
+        let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
+        let commit = commit::after_setup(&self.model, &self.interlocks, &control, now)?;
+        let mut steps = steps::of_go(&self.model, go, &control, None, self.setpoint.bases())
+            .map_err(no_steps)?;
+        commit::append(&mut steps, commit.as_ref(), &mut self.interlocks, now);
+        Ok(CommandVerdict::Go(self.approve(
+            command,
+            Order::Go(go.clone()),
+            steps,
+        )))
+    }
+
     /// The source of commands is changed only at standstill and with nothing ordered.
-    pub(super) fn may_change_at_rest(
+    fn may_change_at_rest(
         &self,
         command: &CommandRequest,
         facts: &DriveFacts,
@@ -170,7 +189,7 @@ impl DriveGuard {
         if facts.stop_pending {
             return Err(refused(Reason::StopPending));
         }
-        if !facts.at_standstill || matches!(self.intent(), RunIntent::Run(_)) {
+        if !facts.at_standstill || self.order.is_to_run() {
             return Err(refused(Reason::Moving));
         }
         if now >= command.start_before {

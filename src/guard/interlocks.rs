@@ -1,4 +1,4 @@
-//! History of one drive that limits how often it is started and written.
+//! What keeps a motor from being moved: how often it was started and written, and an output that is not what was ordered.
 
 use crate::domain::address::Address;
 use crate::domain::command::RegisterWrite;
@@ -6,17 +6,27 @@ use crate::domain::time::MonoTime;
 use crate::profile::model::{CommitEffect, CommitWord, Model};
 use std::time::Duration;
 
-/// The last start and the last writes of stored registers.
+/// The last start, the last writes of stored registers, and whether the output is right.
 #[derive(Debug, Default)]
 pub(super) struct StartInterlocks {
     started_at: Option<MonoTime>,
     /// When each stored register was last approved; no more than are listed as writable.
     written: Vec<(Address, MonoTime)>,
+    /// The output was seen outside the limits or far from the setpoint, and not right since.
+    is_output_outside: bool,
 }
 
 impl StartInterlocks {
+    pub const fn output_is_outside(&mut self, is_outside: bool) {
+        self.is_output_outside = is_outside;
+    }
+
+    pub const fn is_output_outside(&self) -> bool {
+        self.is_output_outside
+    }
+
     /// The motor was ordered to start, and the drive acknowledged it or may have received it.
-    pub fn started(&mut self, now: MonoTime) {
+    pub const fn started(&mut self, now: MonoTime) {
         self.started_at = Some(now);
     }
 
@@ -41,7 +51,7 @@ impl StartInterlocks {
         }
     }
 
-    pub fn remember(&mut self, address: Address, now: MonoTime) {
+    fn remember(&mut self, address: Address, now: MonoTime) {
         match self
             .written
             .iter_mut()

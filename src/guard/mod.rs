@@ -7,24 +7,23 @@ pub mod access;
 mod adoption;
 mod approved;
 mod at_rest;
+mod closing;
 mod commit;
 #[cfg(test)]
 mod control_tests;
-mod full_scale;
 mod interlocks;
-mod leaving;
+mod lease;
 mod loss;
 mod motion;
-mod orphan;
 mod owners;
-mod ownership;
 mod registers;
 #[cfg(test)]
 mod restart_tests;
 mod review;
+mod run_order;
 mod setpoint;
-mod setting;
 mod sign;
+mod start_inhibit;
 mod state;
 #[cfg(test)]
 mod tests;

@@ -39,8 +39,18 @@ impl OwnerSet {
     }
 
     /// Removes the owners that have expired at `now`.
-    pub(super) fn forget_past(&mut self, now: MonoTime) {
+    fn forget_past(&mut self, now: MonoTime) {
         self.owners.retain(|(_, until)| *until > now);
+    }
+
+    /// Whether `owner` is remembered at `now`; if so, it is from then on until `until`.
+    pub(super) fn renew(&mut self, owner: Owner, until: MonoTime, now: MonoTime) -> bool {
+        self.forget_past(now);
+        let has = self.has(owner);
+        if has {
+            self.add(owner, until);
+        }
+        has
     }
 
     pub(super) fn clear(&mut self) {

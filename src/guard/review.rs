@@ -1,19 +1,18 @@
 //! The review: the rules in order of evaluation, each with its reason for a refusal.
 
 use super::approved::{Approved, StopOrder};
-use super::registers::is_parameter;
+use super::registers::{is_parameter, sets_watchdog};
 use super::state::DriveGuard;
 use super::trial;
-use crate::domain::address::Address;
 use crate::domain::command::{
-    CommandRequest, Direction, GoOrder, Order, OrderManner, Origin, Owner, Reason, Report,
-    RunIntent,
+    CommandRequest, Direction, Order, OrderManner, Origin, Owner, Reason, Report, RunIntent,
 };
-use crate::domain::control::{ControlAction, ControlSettings};
+use crate::domain::control::{ControlAction, ControlSettings, Ownership};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
 use crate::drive::required;
-use crate::drive::steps::{self, NoSteps};
+use crate::drive::steps::{CommandStep, NoSteps};
+use crate::profile::model::Model;
 use std::time::Duration;
 
 /// Default deadline: a command without its own is sent within this time or never. Every lease is longer.
@@ -103,12 +102,12 @@ impl DriveGuard {
                         | Reason::Standby
                         | Reason::Implausible = refused.reason
                         {
-                            self.was_out_of_reach(origin.owner, now);
+                            self.lease.was_out_of_reach(origin.owner, now);
                         }
                     })?;
-                self.take_up(origin, order, now);
+                self.take_up(origin, order, &control, now);
                 match order {
-                    Order::Go(go) if self.sets_watchdog(origin, go) => {
+                    Order::Go(go) if sets_watchdog(&self.model, origin, go) => {
                         self.review_watchdog(command, go, facts, now)
                     }
                     Order::Go(go) if is_parameter(origin, go) => {
@@ -149,20 +148,20 @@ impl DriveGuard {
         now: MonoTime,
     ) -> Result<CommandVerdict, Report> {
         may_stop(origin)?;
-        self.may_do(ControlAction::Coast, control)?;
+        may_do(&self.model, ControlAction::Coast, control)?;
         self.stop(origin, true, facts, now)
     }
 
     /// Whether this cyclic order to stop is the one in force: its sender has commanded it since the last inhibit. If the
     /// drive has shown the effect of a stop since then, that holds for any other client's stop as well.
     fn is_stop_in_force(&mut self, origin: Origin, intent: RunIntent, facts: &DriveFacts) -> bool {
-        if origin.manner != OrderManner::Cyclic || self.intent() != intent {
+        if origin.manner != OrderManner::Cyclic || self.order.intent() != intent {
             return false;
         }
-        if self.stop_took_effect && facts.rests {
-            self.armed.add(origin.owner, MonoTime::NEVER);
+        if self.order.stop_took_effect() && facts.rests {
+            self.start.arm(origin.owner);
         }
-        self.armed.has(origin.owner)
+        self.start.is_armed(origin.owner)
     }
 
     fn stop(
@@ -219,72 +218,111 @@ impl DriveGuard {
         self.stop_of(owner, coast, now)
     }
 
-    /// A control action requires a proven fact of the model, or acceptance in the control section.
-    pub(super) fn may_do(
+    /// Rules for every command but a stop.
+    fn may_command(
         &self,
-        action: ControlAction,
+        origin: Origin,
         control: &ControlSettings,
+        facts: &DriveFacts,
     ) -> Result<(), Report> {
-        let run = self
-            .model
-            .run
-            .as_ref()
-            .filter(|run| run.action(action).is_some());
-        let run = run.ok_or(refused(Reason::NotCapable))?;
-        if run.may(action, &control.accept_unverified) {
-            Ok(())
-        } else {
-            Err(refused(Reason::Unverified))
+        self.may_be_heard(origin)?;
+        is_in_reach(facts)?;
+        match self.lease.owner() {
+            Some(other) if other != origin.owner && control.ownership == Ownership::One => {
+                Err(Report::held_by(other))
+            }
+            _ => Ok(()),
         }
     }
 
-    /// A motor is moved only if stop, forward and the setpoint are proven or accepted: a motor that cannot be stopped is not
-    /// started. A stop itself is never refused for that.
-    pub(super) fn may_be_ordered(
-        &self,
-        go: &GoOrder,
-        control: &ControlSettings,
-    ) -> Result<(), Report> {
-        let moves = go.run().is_some() || go.frequency().is_some();
-        let may = !moves || self.model.may_be_ordered(&control.accept_unverified);
-        if may {
-            Ok(())
-        } else {
-            Err(refused(Reason::Unverified))
+    fn may_be_heard(&self, origin: Origin) -> Result<(), Report> {
+        if !origin.rights.write {
+            return Err(refused(Reason::NotAllowed));
         }
+        self.closing.may_command()
     }
 
-    fn qualified_drive(&self) -> Option<(Address, u16)> {
-        self.control.as_ref()?.qualified_drive()
+    /// Passes control to the client that takes it; the drive continues unchanged. Without an owner, control can be taken
+    /// only of a motor that is not known to be at standstill.
+    fn review_take(
+        &mut self,
+        origin: Origin,
+        control: &ControlSettings,
+        facts: &DriveFacts,
+        now: MonoTime,
+    ) -> Result<CommandVerdict, Report> {
+        self.may_be_heard(origin)?;
+        if !control.allow_take {
+            return Err(refused(Reason::NoTake));
+        }
+        let holder = self.lease.owner();
+        if holder == Some(origin.owner) {
+            self.renew(origin.owner, now);
+            return Ok(CommandVerdict::Unchanged);
+        }
+        let rests = facts.at_standstill && !self.order.is_to_run();
+        if holder.is_none() && rests {
+            return Ok(CommandVerdict::Unchanged);
+        }
+        self.lease.take(origin.owner, control.lost_after, now);
+        Ok(CommandVerdict::Taken(holder))
     }
 
     pub(super) fn approve(
         &self,
         command: &CommandRequest,
         order: Order,
-        steps: Vec<steps::CommandStep>,
+        steps: Vec<CommandStep>,
     ) -> Approved {
-        let owner = command.origin.owner;
-        let start_before = command.start_before;
-        let mut all = required::before(
-            &self.model,
-            &order,
-            self.is_identified,
-            self.qualified_drive(),
-        );
+        let qualified = self
+            .control
+            .as_ref()
+            .and_then(|control| control.qualified_drive());
+        let mut all = required::before(&self.model, &order, self.is_identified, qualified);
         all.extend(steps);
-        let steps = all;
-        Approved {
+        Approved::new(
+            &self.model,
+            command.origin.owner,
             order,
-            owner,
-            stops: self.stops(),
-            start_before,
-            steps,
-            functions: steps::WriteFunctions::of(&self.model),
-            silent: self.model.silent_writes().collect(),
-            is_answered_late: false,
-        }
+            all,
+            command.start_before,
+            self.order.stops(),
+        )
     }
+}
+
+/// A control action requires a proven fact of the model, or acceptance in the control section.
+pub(super) fn may_do(
+    model: &Model,
+    action: ControlAction,
+    control: &ControlSettings,
+) -> Result<(), Report> {
+    let run = model
+        .run
+        .as_ref()
+        .filter(|run| run.action(action).is_some());
+    let run = run.ok_or(refused(Reason::NotCapable))?;
+    if run.may(action, &control.accept_unverified) {
+        Ok(())
+    } else {
+        Err(refused(Reason::Unverified))
+    }
+}
+
+/// Whether orders other than stops can be sent to the drive.
+fn is_in_reach(facts: &DriveFacts) -> Result<(), Report> {
+    let reason = if facts.listens {
+        Reason::Standby
+    } else if !facts.line_is_up {
+        Reason::LineDown
+    } else if facts.is_offline {
+        Reason::Offline
+    } else if facts.is_implausible {
+        Reason::Implausible
+    } else {
+        return Ok(());
+    };
+    Err(refused(reason))
 }
 
 pub(super) fn refused(reason: Reason) -> Report {

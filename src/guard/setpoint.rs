@@ -1,78 +1,184 @@
 //! The accepted setpoint, and the drive's own setting as it was last read: that decides whether the setpoint is in force, not
-//! what was once written.
+//! what was once written. No frequency is ordered while it is not known what a word of it means.
 
-use super::setting::{InForce, Setpoint, SettingReading};
-use super::state::DriveGuard;
 use crate::domain::address::Address;
-use crate::domain::command::Owner;
+use crate::domain::command::{Outcome, Owner, Reason, Report};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
+use crate::drive::bases::FrequencyBases;
 use crate::drive::steps::SHOWN_WITHIN;
-use crate::profile::model::{Register, RegisterRole};
+use crate::profile::model::{Model, Register, RegisterRole};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// A drive that has never shown a setpoint that it acknowledged is sent it again no sooner than this: its read-back is many
 /// frames.
 const ASKED_AGAIN_AFTER: Duration = Duration::from_secs(5);
 
-impl DriveGuard {
+/// The setpoint of one drive: what was ordered, what the drive acknowledged, and what it shows.
+#[derive(Debug)]
+pub(super) struct SetpointOrder {
+    model: Arc<Model>,
+    /// What the frequencies of the drive are fractions of.
+    bases: FrequencyBases,
+    /// The last accepted setpoint.
+    accepted: Option<Setpoint>,
+    /// The last acknowledged setpoint.
+    held: Option<Setpoint>,
+    /// The drive's own setting of the frequency.
+    setting: Option<SettingReading>,
+}
+
+/// The last accepted setpoint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Setpoint {
+    value: Hertz,
+    by: Owner,
+    acknowledged: bool,
+    /// When it was acknowledged last.
+    acknowledged_at: MonoTime,
+    /// The drive has shown it since it was accepted.
+    is_shown: bool,
+    /// It was sent before, acknowledged and never shown.
+    is_repeated: bool,
+}
+
+impl Setpoint {
+    const fn accepted(by: Owner, value: Hertz) -> Self {
+        let acknowledged_at = MonoTime::ZERO;
+        Self {
+            value,
+            by,
+            acknowledged: false,
+            acknowledged_at,
+            is_shown: false,
+            is_repeated: false,
+        }
+    }
+}
+
+/// The last reading of the setting.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct SettingReading {
+    /// Its words; the second is 0 for a setting of one word.
+    words: [u16; 2],
+    /// When it arrived.
+    at: MonoTime,
+}
+
+impl SettingReading {
+    const fn keeps_out(self) -> InForce {
+        InForce::KeptOut {
+            held: self.words[0],
+        }
+    }
+}
+
+impl SetpointOrder {
+    /// Nothing was ordered yet, and nothing read.
+    pub fn none(model: Arc<Model>) -> Self {
+        Self {
+            bases: FrequencyBases::of(&model),
+            model,
+            accepted: None,
+            held: None,
+            setting: None,
+        }
+    }
+
+    pub const fn bases(&self) -> &FrequencyBases {
+        &self.bases
+    }
+
+    /// Sets the age from which a reading of the full scale is stale.
+    pub const fn bases_stale_after(&mut self, limit: Duration) {
+        self.bases.stale_after(limit);
+    }
+
+    /// Takes the words that a read from `first` on brought. Returns the register of a full scale that has changed. The
+    /// setpoint that the drive holds means another frequency then, and no longer counts as in force.
+    pub fn take_bases(&mut self, first: Address, words: &[u16], at: MonoTime) -> Option<Address> {
+        let changed = self.bases.take(first, words, at)?;
+        self.may_be_lost();
+        Some(changed)
+    }
+
+    /// Whether the full scales of the setpoint are known, fresh and settled.
+    pub fn knows_full_scale(&self, now: MonoTime) -> Result<(), Report> {
+        let command = self.model.register_for(RegisterRole::FrequencyCommand);
+        let mut registers = command.into_iter().chain(self.model.setting_register());
+        let all = registers.all(|register| self.bases.are_sure(register, now));
+        if all {
+            Ok(())
+        } else {
+            Err(Report::refused(Reason::FullScaleUnknown))
+        }
+    }
+
+    /// The last accepted setpoint.
+    pub fn value(&self) -> Option<Hertz> {
+        self.accepted.map(|setpoint| setpoint.value)
+    }
+
     /// The drive acknowledged the setpoint `value` of `owner`.
-    pub fn setpoint_was_acknowledged(&mut self, owner: Owner, value: Hertz, now: MonoTime) {
+    pub fn was_acknowledged(&mut self, owner: Owner, value: Hertz, now: MonoTime) {
         let accepted = Setpoint {
             acknowledged: true,
             acknowledged_at: now,
             ..Setpoint::accepted(owner, value)
         };
         let is_repeated = self
-            .setpoint
+            .accepted
             .is_some_and(|setpoint| setpoint.value == value && setpoint.is_repeated);
         let held = Setpoint {
             is_repeated,
             ..accepted
         };
-        self.held_setpoint = Some(held);
+        self.held = Some(held);
         if self
-            .setpoint
+            .accepted
             .is_some_and(|setpoint| setpoint.value == value)
         {
-            self.setpoint = Some(held);
+            self.accepted = Some(held);
         }
     }
 
     /// A setpoint was sent but not answered: the drive may no longer hold the previous one.
-    pub const fn setpoint_is_unknown(&mut self) {
-        if let Some(held) = &mut self.held_setpoint {
+    pub const fn is_unknown(&mut self) {
+        if let Some(held) = &mut self.held {
             held.acknowledged = false;
         }
     }
 
     /// The drive was reset, or may have lost power: an equal setpoint counts as new.
-    pub fn setpoint_may_be_lost(&mut self) {
-        self.setpoint_is_unknown();
-        if let Some(setpoint) = &mut self.setpoint {
+    pub const fn may_be_lost(&mut self) {
+        self.is_unknown();
+        if let Some(setpoint) = &mut self.accepted {
             setpoint.acknowledged = false;
         }
     }
 
     /// The setpoint `value` was never sent, or the drive refused it: it is replaced by the one still to be sent, or
     /// else by the one that the drive holds.
-    pub fn setpoint_failed(&mut self, value: Hertz, still_ordered: Option<(Owner, Hertz)>) {
+    pub fn failed(&mut self, value: Hertz, still_ordered: Option<(Owner, Hertz)>) {
         if self
-            .setpoint
+            .accepted
             .is_some_and(|setpoint| setpoint.value == value && !setpoint.acknowledged)
         {
             let ordered = still_ordered.map(|(by, value)| Setpoint::accepted(by, value));
-            self.setpoint = ordered.or(self.held_setpoint);
+            self.accepted = ordered.or(self.held);
         }
     }
 
-    pub(super) fn accepted_setpoint(&self) -> Option<Setpoint> {
-        self.setpoint
+    /// Whether the drive has acknowledged `value` as the last accepted setpoint, and its owner `is_his`.
+    pub fn has_acknowledged(&self, value: Hertz, is_his: impl FnOnce(Owner) -> bool) -> bool {
+        self.accepted
+            .is_some_and(|last| last.acknowledged && last.value == value && is_his(last.by))
     }
 
-    pub(super) fn accept_setpoint(&mut self, owner: Owner, value: Hertz) {
+    pub fn accept(&mut self, owner: Owner, value: Hertz) {
         let is_repeated = self.is_repeated(value);
-        self.setpoint = Some(Setpoint {
+        self.accepted = Some(Setpoint {
             is_repeated,
             ..Setpoint::accepted(owner, value)
         });
@@ -95,26 +201,28 @@ impl DriveGuard {
             words: [first, second],
             at,
         });
-        if let Some(setpoint) = self.setpoint
+        if let Some(setpoint) = self.accepted
             && setpoint.acknowledged
             && !setpoint.is_shown
         {
             let is_shown = self.holds(setpoint.value) == Some(true);
-            self.setpoint = Some(Setpoint {
+            self.accepted = Some(Setpoint {
                 is_shown,
                 ..setpoint
             });
         }
     }
 
-    /// The drive is out of sight: what it held may be another value when it is back.
-    pub(super) const fn forget_setting(&mut self) {
+    /// The drive is out of sight: when it is back, it may be another one, and hold another value.
+    pub fn forget(&mut self) {
+        self.bases.forget();
         self.setting = None;
     }
 
-    /// Whether the accepted setpoint, which the drive has acknowledged, is in force at `now`.
-    pub(super) fn is_in_force(&self, now: MonoTime) -> InForce {
-        let (Some(setpoint), Some(setting)) = (self.setpoint, self.setting) else {
+    /// Whether the accepted setpoint, which the drive has acknowledged, is in force; `is_worn`: it goes to a stored register
+    /// that was written too short a time ago.
+    pub fn is_in_force(&self, is_worn: bool) -> InForce {
+        let (Some(setpoint), Some(setting)) = (self.accepted, self.setting) else {
             return InForce::Yes;
         };
         if self.holds(setpoint.value) != Some(false) {
@@ -122,7 +230,7 @@ impl DriveGuard {
         }
         if setpoint.is_shown {
             // Somebody has changed it since.
-            return if self.is_worn_by_setpoint(now) {
+            return if is_worn {
                 setting.keeps_out()
             } else {
                 InForce::No
@@ -137,7 +245,7 @@ impl DriveGuard {
                 InForce::Yes
             };
         }
-        let waits = since < ASKED_AGAIN_AFTER || self.is_worn_by_setpoint(now);
+        let waits = since < ASKED_AGAIN_AFTER || is_worn;
         if waits {
             setting.keeps_out()
         } else {
@@ -146,29 +254,14 @@ impl DriveGuard {
     }
 
     /// Whether the setpoint that is sent now was acknowledged before and never shown: its read-back is the answer.
-    pub(super) fn is_repeated(&self, value: Hertz) -> bool {
-        self.setpoint.is_some_and(|it| {
+    pub fn is_repeated(&self, value: Hertz) -> bool {
+        self.accepted.is_some_and(|it| {
             it.value == value && (it.is_repeated || it.acknowledged) && !it.is_shown
         }) && self.holds(value) == Some(false)
     }
 
-    /// Whether the setpoint goes to a stored register that was written too short a time ago.
-    fn is_worn_by_setpoint(&self, now: MonoTime) -> bool {
-        let Some(address) = self
-            .setpoint_address()
-            .filter(|address| self.model.is_stored(*address))
-        else {
-            return false;
-        };
-        let interval = self
-            .control
-            .as_ref()
-            .map_or(Duration::ZERO, |control| control.stored_write_interval);
-        self.interlocks.was_written_within(interval, address, now)
-    }
-
     /// Where the setpoint is written.
-    pub(super) fn setpoint_address(&self) -> Option<Address> {
+    pub fn address(&self) -> Option<Address> {
         Some(
             self.model
                 .cyclic_address(self.model.register_for(RegisterRole::FrequencyCommand)?),
@@ -194,6 +287,33 @@ impl DriveGuard {
             .max(command.map_or(0, step_millihertz));
         // Both are rounded to the nearest thousandth.
         Some(shown.abs_diff(value.millihertz()) <= step + 1)
+    }
+}
+
+/// Whether a setpoint that equals the accepted one is in force.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum InForce {
+    /// As far as the drive shows: nothing is sent.
+    Yes,
+    /// The drive holds another value: it is sent.
+    No,
+    /// The drive has acknowledged it and holds another value. It is not sent again yet.
+    KeptOut {
+        /// The first word of what it holds.
+        held: u16,
+    },
+}
+
+impl InForce {
+    /// The answer to a client whose order would change nothing.
+    pub fn report(self) -> Result<(), Report> {
+        match self {
+            Self::Yes | Self::No => Ok(()),
+            Self::KeptOut { held } => Err(Report {
+                held: Some(held),
+                ..Report::new(Outcome::Failed, Reason::NotReadBack)
+            }),
+        }
     }
 }
 

@@ -225,7 +225,7 @@ fn everything_else_holds_in_a_trial() {
         );
     }
     let mut held = guard_of(unproven(), settings());
-    held.take_lease(Owner::Mqtt, NOW);
+    held.lease.take(Owner::Mqtt, settings().lost_after, NOW);
     assert_eq!(
         reviewed(&mut held, &trial(local(), forward, basic)),
         REFUSED(Reason::OtherOwner)
