@@ -43,9 +43,7 @@ impl LineCore {
 
     /// A departing client's reads and commands that have not begun are dropped. A stop stays, and so does what is on the wire.
     pub(super) fn on_asker_gone(&mut self, asker: AskerId) {
-        self.natives.forget(asker);
-        self.schedule.forget(asker);
-        self.drop_unwanted();
+        self.clients.forget(asker);
         for work in self.drives.works_mut() {
             self.counters.withdrawn += work.withdraw(asker, &mut self.effects);
         }
@@ -82,7 +80,7 @@ impl LineCore {
         };
         let facts = DriveFacts {
             listens: self.listens(),
-            line_is_bad: self.health.quality.is_suspended(command.drive.get()),
+            line_is_bad: self.health.is_suspended(command.drive.get()),
             is_implausible: drive.snapshot.is_implausible,
             ..drive
                 .work
@@ -91,7 +89,7 @@ impl LineCore {
         self.drives[command.drive]
             .work
             .command(now, command, waiter, facts, &mut self.effects);
-        if !self.is_open {
+        if !self.port.is_open() {
             self.drives[command.drive]
                 .work
                 .stop_waits_for_the_line(&mut self.effects);
@@ -113,7 +111,7 @@ impl LineCore {
             .map_err(refused)?;
         self.may_wait(now, request.drive)?;
         let parts: Vec<u16> = frames.iter().map(|(_, count)| *count).collect();
-        let id = self.natives.open(request, &parts);
+        let id = self.clients.open(request, &parts);
         for (part, (address, count)) in (0..).zip(frames) {
             let key = ReadKey {
                 drive: request.drive,
@@ -138,7 +136,7 @@ impl LineCore {
             return Err(refused(NativeRefusal::Guard(Reason::NotCapable)));
         }
         self.may_wait(now, request.drive)?;
-        let id = self.natives.open(request, &[]);
+        let id = self.clients.open(request, &[]);
         let key = ReadKey {
             drive: request.drive,
             what: NativeQuery::Loop { data },
@@ -159,13 +157,13 @@ impl LineCore {
         asker: AskerId,
         waiter: WaiterId,
     ) -> Result<(), NativeOutcome> {
-        match self.schedule.push_read(key, asker, waiter) {
+        match self.clients.queue(key, asker, waiter) {
             Ok(QueuedRead::Alone) => Ok(()),
             Ok(QueuedRead::Joined) => {
                 self.counters.joined += 1;
                 Ok(())
             }
-            Err(ScheduleFull) => self.give_back(waiter),
+            Err(ScheduleFull) => Err(refused(NativeRefusal::QueueFull)),
         }
     }
 
@@ -234,20 +232,13 @@ impl LineCore {
         if !self.takes_requests() {
             return Err(refused(NativeRefusal::LineDown));
         }
-        if self.natives.is_full() {
+        if self.clients.is_full() {
             return Err(refused(NativeRefusal::QueueFull));
         }
         if now < self.drives[drive].station.ask_again_at() {
             return Err(NativeOutcome::NoReply);
         }
         Ok(())
-    }
-
-    /// Removes the queued frames of a request that did not fit completely.
-    fn give_back(&mut self, waiter: WaiterId) -> Result<(), NativeOutcome> {
-        self.natives.end(waiter, NativeOutcome::Expired);
-        self.drop_unwanted();
-        Err(refused(NativeRefusal::QueueFull))
     }
 }
 

@@ -1,32 +1,35 @@
 //! The state of one line and its single entry point for events.
 
-use super::broadcast;
+use super::broadcast::BroadcastStop;
 use super::drive::{DriveOnLine, LineDrives};
 use super::event::{LineEffect, LineInput, LineWake, WakeReason};
+use super::flight::OpenFlight;
 use super::health::LineHealth;
 use super::measured::LineMeasurements;
-use super::natives::PendingNatives;
+use super::natives::ClientReads;
 use super::outbox::EffectOutbox;
+use super::overdue::cut_for_a_stop;
+use super::port::LinePort;
 use super::setup::LineSetup;
 use super::share::LineShare;
-use super::work::{DriveWork, WishRank};
+use super::traffic::TrafficWatch;
+use super::turns::LineTurns;
+use super::work::DriveWork;
 use crate::domain::ids::DriveIndex;
-use crate::domain::link::EchoPolicy;
 use crate::domain::native::NativeAnswer;
-use crate::domain::report::{LineCounters, LineFault, LineState, StopBounds};
+use crate::domain::report::{
+    LineCounters, LineFault, LineReport, LineWaiting, StationReport, StopBounds,
+};
 use crate::domain::time::MonoTime;
-use crate::domain::traffic::HeardFrame;
 use crate::drive::snapshot::DriveSnapshot;
 use crate::drive::view::DriveView;
 use crate::line::barriers::LoopNonces;
 use crate::line::echo::EchoWatch;
 use crate::line::fault::{Fault, consequence};
-use crate::line::schedule::{ReadJob, ReadSchedule};
+use crate::line::timeouts::RequestClass;
 use crate::line::timing::LineTiming;
 use crate::line::transaction::LineWire;
-use crate::wire::pdu::Request;
 use std::sync::Arc;
-use std::time::Duration;
 
 /// The state machine of one line with its drives. It does no I/O and has no clock and no task of its own; the caller
 /// drives it through these methods.
@@ -50,94 +53,26 @@ use std::time::Duration;
 #[derive(Debug)]
 pub struct LineCore {
     pub(super) timing: LineTiming,
-    pub(super) echo_policy: EchoPolicy,
-    pub(super) tells_traffic: bool,
     /// Its drives may have been sent a request just before the line was opened.
     pub(super) asked_before: bool,
     pub(super) drives: LineDrives,
-    pub(super) state: LineState,
-    /// Whether there is a port to send to, whatever the reported state of the line.
-    pub(super) is_open: bool,
-    /// The server has closed the connection: another one is made when a frame is due.
-    pub(super) is_parked: bool,
-    /// The frame that is handed to the port is the stop of all drives.
-    pub(super) stops_all: bool,
+    pub(super) port: LinePort,
     pub(super) wire: LineWire,
     pub(super) nonces: LoopNonces,
     pub(super) echo: EchoWatch,
     pub(super) health: LineHealth,
-    pub(super) schedule: ReadSchedule,
-    pub(super) natives: PendingNatives,
+    pub(super) clients: ClientReads,
     pub(super) flight: Option<OpenFlight>,
-    /// The drive whose wait was just cut short because others are to be stopped: their stops are sent before its own.
-    pub(super) cut_short: Option<DriveIndex>,
-    /// Native reads and polls alternate: whether it is the polls' turn.
-    pub(super) polls_turn: bool,
-    /// Consecutive polls that were overdue.
-    pub(super) aged_polls: u8,
-    /// A command has begun and nothing else has had an exchange since: if others wait, they get one before the next begins.
-    pub(super) others_turn: bool,
-    /// The station that stops all drives, if the line has one.
-    pub(super) all_stop_at: Option<u8>,
-    pub(super) stop: StopBounds,
-    pub(super) planned_use_per_mille: u32,
+    pub(super) turns: LineTurns,
+    pub(super) broadcast: BroadcastStop,
+    pub(super) traffic: TrafficWatch,
     pub(super) measured: LineMeasurements,
-    /// Why the port was closed last.
-    pub(super) fault: Option<LineFault>,
-    /// Why the port cannot be opened; `None` once it is open.
-    pub(super) open_error: Option<Arc<str>>,
     pub(super) counters: LineCounters,
-    /// The last data received that is already reported, because a frame of ours was sent after it.
-    pub(super) told_ahead: usize,
     pub(super) effects: EffectOutbox,
     /// Its share in the line, if there are other gateways.
     pub(super) share: Option<LineShare>,
-}
-
-/// The exchange on the wire.
-#[derive(Debug)]
-pub(super) struct OpenFlight {
-    pub(super) drive: DriveIndex,
-    pub(super) purpose: ExchangePurpose,
-    /// A late reply could be mistaken for its reply.
-    pub(super) doubt: bool,
-    /// The request, if its refusal could be a late one and is not believed; `None` once such a frame has arrived.
-    pub(super) doubts_refusal: Option<Request>,
-    /// A reply that repeats it may be a mere echo.
-    pub(super) proves_nothing: bool,
-    /// The drive was known to be silent: its silence says nothing about the line.
-    pub(super) was_silent: bool,
-    pub(super) sent_at: MonoTime,
-    /// When the last character of the request has left.
-    pub(super) request_end: MonoTime,
-    /// From this moment on a stop for another drive ends the wait, if nothing was received. `None`: too few replies are
-    /// known.
-    pub(super) overdue_at: Option<MonoTime>,
-    /// The moment `overdue_at` has passed.
-    pub(super) is_overdue: bool,
-    /// An unexplained frame of the station preceded its reply: the apparent reply may be another such frame.
-    pub(super) is_spoilt: bool,
-    /// The first frame that came instead of its reply, and how late; without that if it is of no configured station.
-    pub(super) wrong_reply: Option<(HeardFrame, Option<Duration>)>,
-    /// Bytes before its reply that form no frame.
-    pub(super) noise: usize,
-}
-
-/// Why an exchange was sent.
-#[derive(Debug)]
-pub(super) enum ExchangePurpose {
-    /// A request of clients.
-    Read(ReadJob),
-    /// The drive's own work: stops, commands, read-backs.
-    Work(WishRank),
-    /// A poll.
-    Poll,
-    /// To rule out late replies.
-    Barrier,
-    /// To find out whether the line echoes.
-    Probe,
-    /// To find out whether the barrier at this index of the model is reliable.
-    Trial(usize),
+    stop: StopBounds,
+    planned_use_per_mille: u32,
 }
 
 impl LineCore {
@@ -163,37 +98,23 @@ impl LineCore {
             }
         }
         Self {
-            all_stop_at: broadcast::station_for_all(&setup),
             stop: setup.stop_bounds(),
             planned_use_per_mille: (budget.use_of_line * 1000.0).round() as u32,
+            broadcast: BroadcastStop::of(&setup),
             measured: LineMeasurements::default(),
-            others_turn: false,
-            fault: None,
-            open_error: None,
-            state: LineState::Down,
-            is_open: false,
-            is_parked: false,
-            stops_all: false,
+            port: LinePort::closed(),
             wire: setup.wire(now),
             nonces: LoopNonces::new(setup.first_epoch),
             echo: EchoWatch::new(!setup.timing.framing.identifies_replies()),
-            health: LineHealth::new(
-                setup.timing.framing,
-                setup.drives.iter().map(|drive| drive.station),
-            ),
-            schedule: ReadSchedule::default(),
-            natives: PendingNatives::default(),
+            health: LineHealth::new(&setup),
+            clients: ClientReads::default(),
             flight: None,
-            cut_short: None,
-            polls_turn: true,
-            aged_polls: 0,
+            turns: LineTurns::new(),
             counters: LineCounters::default(),
-            told_ahead: 0,
+            traffic: TrafficWatch::new(setup.tells_traffic),
             effects,
             share,
             timing: setup.timing,
-            echo_policy: setup.echo,
-            tells_traffic: setup.tells_traffic,
             asked_before: setup.asked_before,
             drives,
         }
@@ -205,16 +126,16 @@ impl LineCore {
         match input {
             LineInput::Bytes(bytes) => self.on_bytes(now, bytes),
             LineInput::PortUp(kind) => self.on_port_up(now, kind),
-            LineInput::PortRefused(reason) => self.open_error = Some(reason),
+            LineInput::PortRefused(reason) => self.port.refused(reason),
             LineInput::PortDown(fault) => self.on_port_down(now, fault),
             LineInput::ConnectionClosed => self.on_connection_closed(now),
-            LineInput::ConnectionBack => self.is_parked = false,
+            LineInput::ConnectionBack => self.port.connected(),
             LineInput::Native(request) => self.on_native(now, request),
             LineInput::AskerGone(asker) => self.on_asker_gone(asker),
             LineInput::Command(command) => self.on_command(now, &command),
             LineInput::PathAlive(owner) => {
                 for drive in self.drives.iter_mut() {
-                    let is_reached = self.state != LineState::Down && !drive.is_offline();
+                    let is_reached = !self.port.is_down() && !drive.is_offline();
                     drive.work.path_alive(owner, is_reached, now);
                 }
             }
@@ -261,7 +182,7 @@ impl LineCore {
     /// When [`LineInput::Time`] is due next.
     #[must_use]
     pub fn next_wake(&self) -> Option<LineWake> {
-        let deadline = self.natives.next_deadline().map(|at| LineWake {
+        let deadline = self.clients.next_deadline().map(|at| LineWake {
             at,
             reason: WakeReason::RequestDeadline,
         });
@@ -278,7 +199,8 @@ impl LineCore {
             };
             LineWake { at, reason }
         });
-        let overdue = self.overdue_at().map(|at| LineWake {
+        let overdue = self.flight.as_ref().and_then(|it| it.cut_at(&self.wire));
+        let overdue = overdue.map(|at| LineWake {
             at,
             reason: WakeReason::ReplyDue,
         });
@@ -301,6 +223,40 @@ impl LineCore {
         .min_by_key(|wake| wake.at)
     }
 
+    /// When the health must be checked next.
+    fn health_wake(&self) -> Option<LineWake> {
+        if !self.port.is_open() || self.wire.is_busy() {
+            return None;
+        }
+        let at = self.health.next_check(&self.wire, &self.drives)?;
+        Some(LineWake {
+            at,
+            reason: WakeReason::LineCheck,
+        })
+    }
+
+    /// When another connection is needed: the server has closed the last one, and a frame is due.
+    #[must_use]
+    pub fn connects_at(&self) -> Option<MonoTime> {
+        let wake = if self.port.is_parked() {
+            self.frame_wake()
+        } else {
+            None
+        };
+        wake.map(|wake| wake.at)
+    }
+
+    /// Whether a reply is waited for.
+    #[must_use]
+    pub const fn awaits_reply(&self) -> bool {
+        self.wire.is_busy()
+    }
+
+    /// Sets whether traffic is reported.
+    pub const fn tell_traffic(&mut self, tells: bool) {
+        self.traffic.tell(tells);
+    }
+
     /// Whether an exchange is on the wire, or waits only for the silence before it: new requests cannot change
     /// what happens until then. A stop can, if a reply is overdue.
     #[must_use]
@@ -320,7 +276,7 @@ impl LineCore {
 
     /// The views that have changed since the last call.
     pub fn changed_views(&mut self) -> impl Iterator<Item = (DriveIndex, Arc<DriveView>)> + '_ {
-        let state = self.state;
+        let state = self.port.state();
         self.drives.iter_mut().filter_map(move |drive| {
             let has_changed = drive.work.take_changed();
             has_changed.then(|| (drive.index, Arc::new(drive.view(state))))
@@ -330,7 +286,9 @@ impl LineCore {
     /// The current view of the drive at `index`.
     #[must_use]
     pub fn view(&self, index: DriveIndex) -> Option<DriveView> {
-        self.drives.get(index).map(|drive| drive.view(self.state))
+        self.drives
+            .get(index)
+            .map(|drive| drive.view(self.port.state()))
     }
 
     /// Whether no stop is in progress, including that of a reset: the line may be left.
@@ -373,7 +331,7 @@ impl LineCore {
     }
 
     pub(super) fn is_offline(&self, drive: DriveIndex) -> bool {
-        self.state == LineState::Down || self.drives.get(drive).is_some_and(DriveOnLine::is_offline)
+        self.port.is_down() || self.drives.get(drive).is_some_and(DriveOnLine::is_offline)
     }
 
     /// The static description of the drive at `index`.
@@ -388,28 +346,33 @@ impl LineCore {
         self.tell_heard(now);
         let done = ended.and_then(|(exchange, ending)| self.ended(now, exchange, ending));
         self.conclude(now, done);
-        let mut expired = 0;
-        while let Some(answer) = self.natives.expire(now) {
-            expired += 1;
-            self.answer(answer);
-        }
-        if expired > 0 {
-            self.counters.expired += expired;
-            self.drop_unwanted();
-        }
+        self.counters.expired += self.clients.expire(now, &mut self.effects);
         for drive in self.drives.indices() {
             let is_offline = self.is_offline(drive);
             self.drives[drive]
                 .work
                 .pass(now, is_offline, &mut self.effects);
             if let Some(until) = self.drives[drive].work.take_rest() {
-                self.rest(drive, until);
+                self.drives[drive].station.rest_until(until);
             }
         }
         self.end_overdue_for_a_stop(now);
         self.pass_share(now);
         self.forget_old(now);
         self.decide(now);
+    }
+
+    /// Ends a wait early for a stop.
+    fn end_overdue_for_a_stop(&mut self, now: MonoTime) {
+        let Some(flight) = &mut self.flight else {
+            return;
+        };
+        let drive = flight.drive;
+        let ended = cut_for_a_stop(now, flight, &mut self.wire, &self.drives);
+        if let Some((exchange, ending)) = ended {
+            self.turns.was_cut_short(drive);
+            self.ended(now, exchange, ending);
+        }
     }
 
     /// While this gateway asks the drives, what it has not read for long shows nothing any more.
@@ -426,7 +389,7 @@ impl LineCore {
 
     fn on_bytes(&mut self, now: MonoTime, bytes: &[u8]) {
         // The connection is given up; its last bytes are read before it is closed.
-        if !self.is_open {
+        if !self.port.is_open() {
             return;
         }
         let ended = self.wire.receive(now, bytes);
@@ -436,7 +399,7 @@ impl LineCore {
             .for_each(|flight| flight.is_overdue = false);
         self.tell_heard(now);
         let done = ended.and_then(|(exchange, ending)| self.ended(now, exchange, ending));
-        self.health.is_mute = false;
+        self.health.received();
         self.conclude(now, done);
         if self.wire.is_out_of_step() && consequence(Fault::OutOfStep).reopens_port {
             self.on_port_down(now, LineFault::OutOfStep);
@@ -449,8 +412,75 @@ impl LineCore {
         self.effects.push_back(LineEffect::Answer(answer));
     }
 
-    pub(super) fn drop_unwanted(&mut self) {
-        self.schedule
-            .drop_unwanted(|waiter| self.natives.is_waited_for(waiter));
+    /// The drive at `drive` ignores requests until `until`: only stops are sent to it, and its silence means nothing.
+    pub fn rest(&mut self, drive: DriveIndex, until: MonoTime) {
+        if let Some(drive) = self.drives.get_mut(drive) {
+            drive.station.rest_until(until);
+        }
+    }
+
+    /// The drives whose stop is not effective yet, and whether it was sent at all.
+    pub fn open_stops(&self) -> impl Iterator<Item = (DriveIndex, bool)> + '_ {
+        self.drives
+            .iter()
+            .filter_map(|drive| Some((drive.index, drive.work.open_stop()?)))
+    }
+
+    /// The line's state and counters.
+    #[must_use]
+    pub fn report(&self) -> LineReport {
+        LineReport {
+            state: self.port.state(),
+            fault: self.port.fault(),
+            open_error: self.port.open_error(),
+            counters: LineCounters {
+                noise_between: self.health.noise_between(),
+                ..self.counters
+            },
+            stop: self.stop,
+            planned_use_per_mille: self.planned_use_per_mille,
+            measured: self.measured.line,
+            quality: self.health.report(),
+            suspicion: self.health.suspicion(),
+            waiting: self.waiting(),
+            standby: self.standby_report(),
+        }
+    }
+
+    fn waiting(&self) -> LineWaiting {
+        let stops = self.drives.works().filter(|work| work.has_stop()).count();
+        let commands = self.drives.works().map(DriveWork::commands_open).sum();
+        LineWaiting {
+            requests: self.clients.len(),
+            commands,
+            stops,
+        }
+    }
+
+    /// The next report of a drive due at `now`, if any.
+    pub fn next_station(&mut self, now: MonoTime) -> Option<(DriveIndex, StationReport)> {
+        let place = self.measured.report_due(self.drives.len(), now)?;
+        let drive = DriveIndex(u16::try_from(place).ok()?);
+        Some((drive, self.station(drive)?))
+    }
+
+    /// The current report of the drive at `drive`; `None` if there is no such drive.
+    #[must_use]
+    pub fn station(&self, drive: DriveIndex) -> Option<StationReport> {
+        let DriveOnLine {
+            setup, measured, ..
+        } = self.drives.get(drive)?;
+        let place = drive.get();
+        Some(StationReport {
+            replies: RequestClass::ALL.map(|class| measured.replies(class, setup)),
+            oldest_age: measured.oldest_age(),
+            planned_age: measured.planned_age,
+            exchanges: measured.exchanges,
+            damage: self.health.damage_of(place),
+            reply_counts: measured.reply_counts,
+            commands: self.effects.commands(drive),
+            bad_per_cent: self.health.bad_per_cent(place),
+            is_suspended: self.health.is_suspended(place),
+        })
     }
 }

@@ -1,25 +1,22 @@
 //! What is sent next, and when the next decision is due.
 
-use super::core::{ExchangePurpose, LineCore, OpenFlight};
+use super::barrier::BarrierMeans;
+use super::core::LineCore;
 use super::drive::DriveOnLine;
 use super::event::{LineWake, WakeReason};
+use super::flight::{ExchangePurpose, OpenFlight, PickedRequest, is_stop, poll_request};
+use super::probe;
 use super::work::{DriveWish, WishRank};
 use crate::domain::ids::DriveIndex;
-use crate::domain::report::LineFault;
 use crate::domain::time::MonoTime;
+use crate::domain::traffic::FramePurpose;
 use crate::drive::plan::{PollGroup, Urgency as PollUrgency};
 use crate::line::barriers::TRY_PATIENCE;
+use crate::line::budget::BROADCAST_TURNAROUND;
 use crate::line::exchange::Exchange;
 use crate::line::schedule::{NativeQuery, ReadKey};
 use crate::wire::pdu::Request;
 use std::time::Duration;
-
-/// Maximum number of consecutive overdue polls that precede native reads: a poll plan that fills the line is stretched,
-/// and clients keep a share.
-const AGED_POLLS_MAX: u8 = 3;
-
-/// What is sent next.
-pub(super) type Picked = (DriveIndex, Request, ExchangePurpose);
 
 /// The least is sent first: by rank, then drives whose wait was not just cut short, then those that answer, then those
 /// that move, then by time.
@@ -37,10 +34,14 @@ impl LineCore {
     /// Opens the next exchange if the wire is free and has been silent for long enough. On a jammed line only stops
     /// are sent, over the babble.
     pub(super) fn decide(&mut self, now: MonoTime) {
-        if !self.is_open || self.is_parked || self.wire.is_busy() || now < self.free_from() {
+        if !self.port.is_open()
+            || self.port.is_parked()
+            || self.wire.is_busy()
+            || now < self.free_from()
+        {
             return;
         }
-        self.stops_all = false;
+        self.broadcast.is_over();
         if self.answer_question(now) {
             return;
         }
@@ -62,8 +63,8 @@ impl LineCore {
     }
 
     /// Sends a request, whose reply is awaited.
-    pub(super) fn open_exchange(&mut self, now: MonoTime, (drive, request, purpose): Picked) {
-        self.cut_short = None;
+    pub(super) fn open_exchange(&mut self, now: MonoTime, (drive, request, purpose): PickedRequest) {
+        self.turns.exchange_opened();
         let asked = &self.drives[drive];
         let station = asked.setup.station;
         let was_silent = asked.station.is_known_silent();
@@ -90,8 +91,7 @@ impl LineCore {
         self.measured.sent(now.since(self.wire.may_send_from()));
         self.wire.send(now, exchange, &mut frame);
         self.echo.sent(&frame, differs);
-        self.health.diagnosis.sent(drive.get());
-        self.health.damage.sent(drive.get(), function);
+        self.health.sent(drive.get(), function);
         let request_end = now + self.timing.on_wire(frame.len());
         self.drives[drive].station.asked(request_end);
         let overdue_at = patience.map(|patience| request_end + patience);
@@ -111,13 +111,12 @@ impl LineCore {
             wrong_reply: None,
             noise: 0,
         });
-        self.counters.requests += 1;
         self.transmit(now, frame, why);
     }
 
     /// The frame that was decided on last was handed to the port, which took until `now`: only now is a stop sent.
     pub(super) fn stop_was_transmitted(&mut self, now: MonoTime) {
-        if std::mem::take(&mut self.stops_all) {
+        if self.broadcast.was_transmitted() {
             for work in self.drives.works_mut() {
                 if let Some(accepted) = work.stop_was_broadcast(&mut self.effects) {
                     self.measured.stop_sent(accepted, now);
@@ -136,31 +135,64 @@ impl LineCore {
         }
     }
 
-    fn pick(&mut self, now: MonoTime) -> Option<Picked> {
-        match self.health.trouble {
-            Some(LineFault::Jammed) => self.pick_work(now, WishRank::RepeatedStop),
-            Some(LineFault::Echo) => self
-                .pick_work(now, WishRank::Look)
-                .or_else(|| self.pick_due_probe(now)),
-            _ => self.pick_any(now),
+    /// Hands `frame` to the port.
+    pub(super) fn transmit(&mut self, now: MonoTime, frame: Vec<u8>, why: FramePurpose) {
+        self.counters.requests += 1;
+        self.traffic.transmit(
+            now,
+            (frame, why),
+            &self.wire,
+            &self.timing,
+            &mut self.effects,
+        );
+    }
+
+    /// Sends the stop that every drive of the line waits for as one frame, if there is such a stop. Returns whether it did.
+    pub(super) fn stop_all(&mut self, now: MonoTime) -> bool {
+        let Some((station, request)) = self.broadcast.common(&self.drives, now) else {
+            return false;
+        };
+        self.measured.sent(now.since(self.wire.may_send_from()));
+        let mut frame = Vec::with_capacity(16);
+        self.wire
+            .broadcast(now, station, &request, BROADCAST_TURNAROUND, &mut frame);
+        let end = now + self.timing.on_wire(frame.len());
+        for drive in self.drives.iter_mut() {
+            drive
+                .station
+                .pause_until(end + drive.setup.model.timing.pause_after(false));
+        }
+        self.counters.broadcasts += 1;
+        self.broadcast.is_sent();
+        self.transmit(now, frame, FramePurpose::Stop);
+        true
+    }
+
+    const fn means(&self) -> BarrierMeans {
+        BarrierMeans::of(&self.echo, &self.nonces)
+    }
+
+    fn pick(&mut self, now: MonoTime) -> Option<PickedRequest> {
+        if self.health.is_jammed() {
+            self.pick_work(now, WishRank::RepeatedStop)
+        } else if self.health.echoes() {
+            let work = self.pick_work(now, WishRank::Look);
+            work.or_else(|| self.pick_due_probe(now))
+        } else {
+            self.pick_any(now)
         }
     }
 
     /// The drives' own work, barriers, overdue polls, then native reads and polls alternately. Between the first steps of
     /// two commands, others get an exchange if they wait.
-    fn pick_any(&mut self, now: MonoTime) -> Option<Picked> {
-        let last_rank = if self.others_turn {
-            WishRank::Trip
-        } else {
-            WishRank::Start
-        };
-        if let Some(picked) = self.pick_work(now, last_rank) {
+    fn pick_any(&mut self, now: MonoTime) -> Option<PickedRequest> {
+        if let Some(picked) = self.pick_work(now, self.turns.last_rank_first()) {
             return Some(picked);
         }
-        if let Some(drive) = self.waits_for_probe(now) {
-            return Some(self.probe(now, drive));
+        if let Some(drive) = probe::waited_for(&self.drives, self.echo.known(), now) {
+            return Some(probe::of_drive(&self.drives, now, drive));
         }
-        if let Some((drive, request)) = self.pick_barrier(now) {
+        if let Some((drive, request)) = self.means().pick(now, &self.drives, &self.clients) {
             self.counters.barriers += 1;
             return Some((drive, request, ExchangePurpose::Barrier));
         }
@@ -168,28 +200,40 @@ impl LineCore {
             return Some(picked);
         }
         // The remaining steps of the last command were not a turn of others.
-        self.others_turn = false;
+        self.turns.others_have_theirs();
         let other = self
             .pick_other(now)
             .or_else(|| self.pick_work(now, WishRank::Start));
         other.or_else(|| self.pick_trial(now, Duration::ZERO))
     }
 
-    fn pick_other(&mut self, now: MonoTime) -> Option<Picked> {
-        if self.aged_polls >= AGED_POLLS_MAX
+    fn pick_trial(&mut self, now: MonoTime, patience: Duration) -> Option<PickedRequest> {
+        let picked = self.means().pick_trial(now, &self.drives, patience)?;
+        self.counters.barriers += 1;
+        Some(picked)
+    }
+
+    /// On an echoing line: the read that checks whether it still echoes.
+    fn pick_due_probe(&mut self, now: MonoTime) -> Option<PickedRequest> {
+        let is_due = self.health.takes_probe(now);
+        is_due.then(|| probe::of_any(&self.drives, now))
+    }
+
+    fn pick_other(&mut self, now: MonoTime) -> Option<PickedRequest> {
+        if self.turns.is_clients_share()
             && let Some(picked) = self.pick_read(now)
         {
-            self.aged_polls = 0;
+            self.turns.no_aged_poll();
             return Some(picked);
         }
         if let Some(poll) = self.due_poll(now, true) {
-            self.aged_polls = self.aged_polls.saturating_add(1);
+            self.turns.aged_poll_was_taken();
             return Some(self.take_poll(now, poll));
         }
-        self.aged_polls = 0;
-        let polls_first = self.polls_turn;
-        self.polls_turn = !polls_first;
-        if polls_first && let Some(poll) = self.due_poll(now, false) {
+        self.turns.no_aged_poll();
+        if self.turns.take_polls_turn()
+            && let Some(poll) = self.due_poll(now, false)
+        {
             return Some(self.take_poll(now, poll));
         }
         if let Some(picked) = self.pick_read(now) {
@@ -201,7 +245,7 @@ impl LineCore {
 
     /// The most urgent wish of any drive up to `last_rank`; answering drives before silent ones, moving ones before
     /// those at rest. A stop waits for nothing; everything else waits for late replies and back-offs.
-    fn pick_work(&mut self, now: MonoTime, last_rank: WishRank) -> Option<Picked> {
+    fn pick_work(&mut self, now: MonoTime, last_rank: WishRank) -> Option<PickedRequest> {
         loop {
             let (drive, want) = self.most_urgent(now, last_rank)?;
             let is_new_stop =
@@ -210,7 +254,7 @@ impl LineCore {
                 .work
                 .send(want.rank, now, &mut self.effects)
             {
-                self.others_turn |= want.rank == WishRank::Start;
+                self.turns.work_was_taken(want.rank);
                 if is_new_stop {
                     self.measured.stop_sent(want.at, now);
                 }
@@ -227,13 +271,13 @@ impl LineCore {
             for want in drive.work.wants() {
                 if want.rank > last_rank
                     || now < drive.wanted_from(&want)
-                    || self.needs_probe(&want)
+                    || probe::is_needed(self.echo.known(), &want)
                 {
                     continue;
                 }
                 let key = (
                     want.rank,
-                    self.cut_short == Some(drive.index),
+                    self.turns.is_cut_short(drive.index),
                     is_silent,
                     rests,
                     want.at,
@@ -246,10 +290,10 @@ impl LineCore {
         best.map(|(_, drive, want)| (drive, want))
     }
 
-    fn pick_read(&mut self, now: MonoTime) -> Option<Picked> {
+    fn pick_read(&mut self, now: MonoTime) -> Option<PickedRequest> {
         let drives = &self.drives;
         let may_go = |key: &ReadKey| drives[key.drive].may_be_asked(now, &key.request());
-        let job = self.schedule.take_read(may_go)?;
+        let job = self.clients.take(may_go)?;
         Some((job.key.drive, job.key.request(), ExchangePurpose::Read(job)))
     }
 
@@ -277,7 +321,7 @@ impl LineCore {
         best.map(|(_, poll)| poll)
     }
 
-    fn take_poll(&mut self, now: MonoTime, poll: DuePoll) -> Picked {
+    fn take_poll(&mut self, now: MonoTime, poll: DuePoll) -> PickedRequest {
         let DuePoll {
             drive,
             index,
@@ -299,7 +343,7 @@ impl LineCore {
             what: NativeQuery::Words { address, count },
         };
         let purpose = self
-            .schedule
+            .clients
             .take_same(&same)
             .map_or(ExchangePurpose::Poll, ExchangePurpose::Read);
         (drive, Request::Read { address, count }, purpose)
@@ -316,7 +360,7 @@ impl LineCore {
 
     /// When the next frame could be sent, if anything waits or will be due.
     pub(super) fn work_wake(&self) -> Option<LineWake> {
-        if self.is_parked {
+        if self.port.is_parked() {
             None
         } else {
             self.frame_wake()
@@ -325,7 +369,7 @@ impl LineCore {
 
     /// When the next frame could be sent over a connection.
     pub(super) fn frame_wake(&self) -> Option<LineWake> {
-        if !self.is_open {
+        if !self.port.is_open() {
             return None;
         }
         let silence = self.wire.may_send_from();
@@ -382,13 +426,14 @@ impl LineCore {
     /// When the next frame may be sent: waiting work as soon as its station's back-off is over and its reply is
     /// unambiguous, or a barrier can make it so.
     pub(super) fn work_at(&self) -> Option<MonoTime> {
-        if self.health.trouble == Some(LineFault::Echo) {
+        if self.health.echoes() {
             return self
                 .wanted_at(WishRank::Look)
                 .into_iter()
-                .chain([self.health.probe_at])
+                .chain([self.health.probe_at()])
                 .min();
         }
+        let means = self.means();
         let wants = self.drives.iter().flat_map(|drive| {
             drive.work.wants().map(move |want| match want.rank {
                 WishRank::FirstStop | WishRank::RepeatedStop => {
@@ -396,27 +441,27 @@ impl LineCore {
                 }
                 WishRank::Look => {
                     let unmistakable = drive.station.unmistakable_at(&want.request);
-                    let free_at = unmistakable.min(self.free_at(drive, &want.request));
+                    let free_at = unmistakable.min(means.free_at(drive, &want.request));
                     want.at
                         .max(free_at)
                         .max(drive.station.rests_until())
                         .max(drive.station.pauses_until())
                 }
                 rank if drive.is_withheld(rank) => MonoTime::NEVER,
-                _ => want.at.max(self.free_at(drive, &want.request)),
+                _ => want.at.max(means.free_at(drive, &want.request)),
             })
         });
         let reads = self
-            .schedule
-            .reads()
-            .map(|key| self.free_at(&self.drives[key.drive], &key.request()));
+            .clients
+            .keys()
+            .map(|key| means.free_at(&self.drives[key.drive], &key.request()));
         let polls = self.drives.iter().flat_map(|drive| {
             drive
                 .plan
                 .iter()
-                .map(move |(_, group, due)| due.max(self.free_at(drive, &poll_request(group))))
+                .map(move |(_, group, due)| due.max(means.free_at(drive, &poll_request(group))))
         });
-        let trials = self.drives.iter().filter_map(|drive| self.trial_at(drive));
+        let trials = self.drives.iter().filter_map(|drive| means.trial_at(drive));
         wants.chain(reads).chain(polls).chain(trials).min()
     }
 
@@ -428,16 +473,5 @@ impl LineCore {
             .flat_map(|drive| drive.work.wants().map(move |want| (drive, want)));
         let urgent = wants.filter(|(_, want)| want.rank <= last_rank);
         urgent.map(|(drive, want)| drive.wanted_from(&want)).min()
-    }
-}
-
-pub(super) const fn is_stop(rank: WishRank) -> bool {
-    matches!(rank, WishRank::FirstStop | WishRank::RepeatedStop)
-}
-
-pub(super) fn poll_request(group: PollGroup) -> Request {
-    Request::Read {
-        address: group.address,
-        count: group.count,
     }
 }

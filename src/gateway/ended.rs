@@ -1,11 +1,11 @@
 //! The end of an exchange: who is answered, and what follows for the station.
 
-use super::core::{ExchangePurpose, LineCore, OpenFlight};
-use super::decide::is_stop;
+use super::core::LineCore;
 use super::drive::DriveOnLine;
 use super::execution::reason_of;
+use super::flight::{ExchangePurpose, OpenFlight, is_stop};
 use super::health::DoneExchange;
-use super::port::waiters_of;
+use super::overdue::{learn, learn_late};
 use crate::domain::ids::{DriveIndex, Station};
 use crate::domain::native::NativeOutcome;
 use crate::domain::time::MonoTime;
@@ -13,12 +13,11 @@ use crate::domain::traffic::{HeardFrame, TrafficKind};
 use crate::drive::snapshot::DrivePresence;
 use crate::line::exchange::{Exchange, ExchangeEnding, HeardData, answers};
 use crate::line::fault::{Fault, consequence};
-use crate::line::schedule::ReadJob;
+use crate::line::schedule::{ReadJob, WaiterId};
 use crate::line::station::{MissingReply, StrayFrame};
 use crate::profile::model::{ExceptionKind, Model, RefusedWrite};
 use crate::wire::pdu::{Reply, Request};
 use crate::wire::{exception, framing};
-use std::sync::Arc;
 use std::time::Duration;
 
 /// How long a drive that is busy is left alone. A stop does not wait for that.
@@ -69,7 +68,14 @@ impl LineCore {
         let (ending, kind) = self.judged(&flight, is_spoilt, ending);
         let proves_nothing = flight.proves_nothing && matches!(ending, ExchangeEnding::Reply(_));
         if !proves_nothing {
-            self.learn(&flight, &exchange, &ending);
+            let last_byte_at = self.wire.last_byte_at();
+            learn(
+                &mut self.drives[drive],
+                &flight,
+                (&exchange, &ending),
+                last_byte_at,
+                &self.timing,
+            );
         }
         self.counters.busy_us += u64::try_from(now.since(flight.sent_at).as_micros()).unwrap_or(0);
         self.count_end(drive, &exchange.request, &ending);
@@ -153,7 +159,7 @@ impl LineCore {
             }
         }
         if over.kind == Some(ExceptionKind::Busy) {
-            self.rest(drive, now + BUSY_REST);
+            self.drives[drive].station.rest_until(now + BUSY_REST);
         }
         self.drives[drive].was_written(now, request, &over.ending);
         // One that says why tells nothing about the register.
@@ -326,23 +332,23 @@ impl LineCore {
             (ExchangePurpose::Read(job), ExchangeEnding::Exception(_))
                 if kind == Some(ExceptionKind::Busy)
                     && !job.repeated
-                    && self.is_waited_for(&job) =>
+                    && self.clients.is_waited_for(&job) =>
             {
                 self.repeat(job);
             }
             (ExchangePurpose::Read(job), ExchangeEnding::Reply(Reply::Words(words))) => {
-                self.deliver(job, words)
+                self.clients.deliver(job, words, &mut self.effects)
             }
             (ExchangePurpose::Read(job), ExchangeEnding::Reply(Reply::Echo)) => {
                 self.end_all(job.waiters, &NativeOutcome::Written)
             }
             (purpose, ExchangeEnding::Reply(_)) => {
-                self.end_all(waiters_of(purpose), &NativeOutcome::NoReply)
+                self.end_all(purpose.waiters(), &NativeOutcome::NoReply)
             }
             (purpose, ExchangeEnding::Exception(code)) => {
                 let reason = reason_of(kind);
                 self.end_all(
-                    waiters_of(purpose),
+                    purpose.waiters(),
                     &NativeOutcome::DriveException { code, reason },
                 );
             }
@@ -377,19 +383,19 @@ impl LineCore {
         let mut was_answered = false;
         for heard in self.wire.take_heard() {
             if self.overhears(now, &heard) {
-                self.tell_of(heard);
+                self.traffic.tell_of(heard, &mut self.effects);
                 continue;
             }
             let is_of_others = matches!(heard.kind, TrafficKind::OtherMaster(_));
             if is_of_others && self.hears_listener(now, &heard.bytes) {
-                self.tell_of(heard);
+                self.traffic.tell_of(heard, &mut self.effects);
                 continue;
             }
             // The adapter does not echo: another gateway has asked the same.
             let is_no_echo = heard.kind == TrafficKind::Echo && self.is_no_echo(&heard.bytes);
             let is_unasked = matches!(heard.kind, TrafficKind::Stray(_) | TrafficKind::Foreign(_));
             if (is_no_echo || is_of_others || is_unasked) && self.hears_stop(now, &heard.bytes) {
-                self.tell_of(heard);
+                self.traffic.tell_of(heard, &mut self.effects);
                 continue;
             }
             let is_foreign = is_of_others && !self.is_own_signal(&heard.bytes);
@@ -403,17 +409,15 @@ impl LineCore {
                 heard.kind,
                 TrafficKind::Reply | TrafficKind::Stray(_) | TrafficKind::Foreign(_)
             ) {
-                self.share.iter_mut().for_each(|share| {
-                    share.rule.answered(now);
-                    share.sound_at = now;
-                });
+                self.share
+                    .iter_mut()
+                    .for_each(|share| share.was_answered(now));
             }
             if !is_no_echo {
                 self.echo.heard(heard.kind, &heard.bytes);
             }
-            self.health.diagnosis.heard(heard.kind, &heard.bytes);
-            self.health.damage.heard(heard.kind, &heard.bytes);
-            self.tell_of(heard);
+            self.health.heard(heard.kind, &heard.bytes);
+            self.traffic.tell_of(heard, &mut self.effects);
             // What follows is listened to.
             if let Some(frame) = rival {
                 self.hears_rival(now, &frame);
@@ -429,8 +433,7 @@ impl LineCore {
             TrafficKind::OtherMaster(_) => self.counters.other_master += 1,
             TrafficKind::Stray(station) => {
                 self.counters.strays += 1;
-                self.learn_late(now, station, &heard.bytes);
-                self.spoke(now, station, &heard.bytes, was_answered);
+                self.speaks_unasked(now, station, &heard.bytes, was_answered);
             }
             TrafficKind::Foreign(station) => {
                 self.counters.foreign += 1;
@@ -441,8 +444,7 @@ impl LineCore {
                 {
                     flight.wrong_reply = Some((HeardFrame::of(&heard.bytes), None));
                 }
-                self.learn_late(now, station, &heard.bytes);
-                self.spoke(now, station, &heard.bytes, was_answered);
+                self.speaks_unasked(now, station, &heard.bytes, was_answered);
             }
             TrafficKind::Noise => {
                 self.counters.noise_bytes += heard.bytes.len() as u64;
@@ -457,23 +459,21 @@ impl LineCore {
         }
     }
 
-    fn deliver(&mut self, job: ReadJob, words: Vec<u16>) {
-        let words: Arc<[u16]> = Arc::from(words);
-        for waiter in job.waiters {
-            if let Some(answer) = self.natives.words(waiter, &words) {
-                self.answer(answer);
-            }
-        }
+    /// Ends requests before their words have arrived.
+    pub(super) fn end_all(&mut self, waiters: Vec<WaiterId>, outcome: &NativeOutcome) {
+        self.clients.end_all(waiters, outcome, &mut self.effects);
     }
 
     /// A poll, a barrier or a native read failed. After a damaged reply it is sent once more.
     fn read_failed(&mut self, purpose: ExchangePurpose, ending: &ExchangeEnding) {
         let repeats = fault_of(ending).is_some_and(|fault| consequence(fault).repeats_read);
         match purpose {
-            ExchangePurpose::Read(job) if repeats && !job.repeated && self.is_waited_for(&job) => {
+            ExchangePurpose::Read(job)
+                if repeats && !job.repeated && self.clients.is_waited_for(&job) =>
+            {
                 self.repeat(job)
             }
-            purpose => self.end_all(waiters_of(purpose), &NativeOutcome::NoReply),
+            purpose => self.end_all(purpose.waiters(), &NativeOutcome::NoReply),
         }
     }
 
@@ -481,7 +481,7 @@ impl LineCore {
     fn repeat(&mut self, job: ReadJob) {
         self.counters.retries += 1;
         self.drives[job.key.drive].measured.exchanges.retries += 1;
-        self.schedule.repeat_read(job);
+        self.clients.repeat(job);
     }
 
     /// No request waits for a drive that is known to be silent.
@@ -489,24 +489,23 @@ impl LineCore {
         if self.drives[drive].station.is_known_silent() {
             self.drives[drive].set_presence(now, DrivePresence::Offline, &mut self.effects);
             self.drives[drive].barriers.lost();
-            let waiting = self.schedule.take_reads_of(drive);
-            self.end_all(
-                waiting.into_iter().flat_map(|job| job.waiters).collect(),
-                &NativeOutcome::NoReply,
-            );
+            self.clients
+                .end_those_of(drive, &NativeOutcome::NoReply, &mut self.effects);
         }
-    }
-
-    fn is_waited_for(&self, job: &ReadJob) -> bool {
-        job.waiters
-            .iter()
-            .any(|waiter| self.natives.is_waited_for(*waiter))
     }
 
     /// A frame of `station` was received that answers no request. A configured station is thereby present. If the frame is
     /// unexplained, another drive may share its number, or its replies exceed the maximum lateness: it is not asked again
     /// before it has been silent for long enough.
-    fn spoke(&mut self, now: MonoTime, station: Station, adu: &[u8], was_answered: bool) {
+    fn speaks_unasked(&mut self, now: MonoTime, station: Station, adu: &[u8], was_answered: bool) {
+        let last_byte_at = self.wire.last_byte_at();
+        learn_late(
+            &mut self.drives,
+            now,
+            (station, adu),
+            last_byte_at,
+            &self.timing,
+        );
         let Some(index) = self.drives.at_station(station) else {
             return;
         };
@@ -533,8 +532,7 @@ impl LineCore {
         if consequence(Fault::Stray).drive_is_there {
             station.is_there();
         }
-        self.health.diagnosis.stray(index.get(), stray);
-        self.health.damage.stray(index.get(), stray);
+        self.health.stray(index.get(), stray);
         if let Some(flight) = flight
             && stray != StrayFrame::Explained
         {
@@ -563,17 +561,11 @@ impl LineCore {
             });
             return self
                 .health
-                .diagnosis
                 .wrong_reply(drive.get(), HeardFrame::of(&frame), reply);
         }
         let Some(late) = late else { return };
         self.drives[drive].station.is_unexplained(late, now);
-        self.health
-            .diagnosis
-            .stray(drive.get(), StrayFrame::TooMany(late));
-        self.health
-            .damage
-            .stray(drive.get(), StrayFrame::TooMany(late));
+        self.health.stray(drive.get(), StrayFrame::TooMany(late));
     }
 }
 

@@ -1,20 +1,25 @@
 //! Health of a line with an open port: jammed, echoing or mute; its quality, and the suspected cause.
 
-use super::core::LineCore;
-use super::event::{LineEffect, LineWake, WakeReason};
+use super::drive::LineDrives;
+use super::event::LineEffect;
 use super::note::{DriveNote, LineNote};
-use super::work::DriveWork;
-use crate::domain::ids::{DriveIndex, Station};
-use crate::domain::link::{EchoPolicy, Framing};
-use crate::domain::report::{self, LineFault, LineState};
+use super::outbox::EffectOutbox;
+use super::setup::LineSetup;
+use crate::domain::counts::DamageCounts;
+use crate::domain::ids::DriveIndex;
+use crate::domain::link::EchoPolicy;
+use crate::domain::report::{self, LineFault};
 use crate::domain::suspicion::LineSuspicion;
 use crate::domain::time::MonoTime;
+use crate::domain::traffic::{HeardFrame, TrafficKind};
 use crate::line::damage::DamageWatch;
 use crate::line::diagnosis::LineDiagnosis;
 use crate::line::echo::LocalEcho;
 use crate::line::fault::{Fault, consequence};
-use crate::line::quality::QualityWatch;
+use crate::line::quality::{ExchangeQuality, QualityWatch};
+use crate::line::station::StrayFrame;
 use crate::line::timing::LineTiming;
+use crate::line::transaction::LineWire;
 use crate::wire::framing;
 use std::time::Duration;
 
@@ -39,15 +44,16 @@ const PROBE_MAX: Duration = Duration::from_secs(30);
 #[derive(Debug)]
 pub(super) struct LineHealth {
     /// Why no request can be sent although the port is open.
-    pub trouble: Option<LineFault>,
-    pub quality: QualityWatch,
-    pub diagnosis: LineDiagnosis,
-    pub damage: DamageWatch,
+    trouble: Option<LineFault>,
+    quality: QualityWatch,
+    diagnosis: LineDiagnosis,
+    damage: DamageWatch,
     /// Nothing has been received for a long time.
-    pub is_mute: bool,
+    is_mute: bool,
+    echo_policy: EchoPolicy,
     reopen_at: MonoTime,
     reopen_wait: Duration,
-    pub probe_at: MonoTime,
+    probe_at: MonoTime,
     probe_wait: Duration,
     told: LastReport,
 }
@@ -71,14 +77,17 @@ pub(super) struct DoneExchange {
 }
 
 impl LineHealth {
-    pub fn new(framing: Framing, stations: impl Iterator<Item = Station> + Clone) -> Self {
-        let drives = stations.clone().count();
+    pub fn new(setup: &LineSetup) -> Self {
+        let framing = setup.timing.framing;
+        let drives = setup.drives.len();
+        let stations = || setup.drives.iter().map(|drive| drive.station);
         Self {
             trouble: None,
             quality: QualityWatch::new(drives),
-            diagnosis: LineDiagnosis::new(framing, stations.clone()),
-            damage: DamageWatch::new(framing, stations),
+            diagnosis: LineDiagnosis::new(framing, stations()),
+            damage: DamageWatch::new(framing, stations()),
             is_mute: false,
+            echo_policy: setup.echo,
             reopen_at: MonoTime::ZERO,
             reopen_wait: REOPEN_FIRST,
             probe_at: MonoTime::ZERO,
@@ -91,19 +100,42 @@ impl LineHealth {
         }
     }
 
-    pub fn port_opened(&mut self) {
-        self.diagnosis.port_opened();
-        self.probe_wait = PROBE_FIRST;
+    /// Why the line cannot be used although the port is open.
+    pub const fn trouble(&self) -> Option<LineFault> {
+        self.trouble
     }
 
     pub const fn is_jammed(&self) -> bool {
         matches!(self.trouble, Some(LineFault::Jammed))
     }
 
-    /// An echoing line was read again at `now`.
-    pub fn was_probed(&mut self, now: MonoTime) {
-        self.probe_at = now + self.probe_wait;
-        self.probe_wait = (self.probe_wait * 2).min(PROBE_MAX);
+    pub const fn echoes(&self) -> bool {
+        matches!(self.trouble, Some(LineFault::Echo))
+    }
+
+    /// Whether requests can be sent over an open port. A mute line carries them: its drives are silent one by one.
+    pub const fn carries_requests(&self) -> bool {
+        !self.is_jammed() && !self.echoes()
+    }
+
+    /// Too many exchanges with the drive at `place` fail.
+    pub fn is_suspended(&self, place: usize) -> bool {
+        self.quality.is_suspended(place)
+    }
+
+    pub fn bad_per_cent(&self, place: usize) -> Option<u8> {
+        self.quality
+            .station(place)
+            .and_then(ExchangeQuality::bad_per_cent)
+    }
+
+    pub fn damage_of(&self, place: usize) -> DamageCounts {
+        self.damage.of(place)
+    }
+
+    /// Bytes between frames that form none.
+    pub const fn noise_between(&self) -> u64 {
+        self.damage.between()
     }
 
     pub fn report(&self) -> report::LineQuality {
@@ -117,142 +149,140 @@ impl LineHealth {
     pub const fn suspicion(&self) -> Option<LineSuspicion> {
         self.told.suspicion
     }
-}
 
-impl LineCore {
-    /// Whether requests and commands are accepted. A mute line accepts them: its drives are silent one by one.
-    pub(super) const fn takes_requests(&self) -> bool {
-        self.is_open
-            && !matches!(
-                self.health.trouble,
-                Some(LineFault::Jammed | LineFault::Echo)
-            )
+    /// The port was opened. A mute line stays mute until something is received: an open port proves nothing.
+    pub fn port_opened(&mut self) {
+        self.trouble = self.is_mute.then_some(LineFault::Mute);
+        self.diagnosis.port_opened();
+        self.probe_wait = PROBE_FIRST;
     }
 
-    /// Updates the health after received bytes, and after an exchange that is `done`.
-    pub(super) fn conclude(&mut self, now: MonoTime, done: Option<DoneExchange>) {
-        let has_ended = done.is_some();
-        let trouble = self.health.trouble;
-        if let Some(done) = done {
-            self.echo.ended();
-            let misses_echo = self.echo.misses_echo();
-            self.wire.strip_echo(self.echo.known() == LocalEcho::Found);
-            if misses_echo {
-                // It may be over: the next read shows whether it is.
-                self.health.probe_at = now;
-            }
-            if done.counts {
-                self.health
-                    .quality
-                    .take(done.drive.get(), done.fault.is_some() || misses_echo);
-            }
-            self.health.diagnosis.ended(done.fault, done.reply_bytes);
-            self.health.damage.ended(done.fault, done.reply_bytes);
-            self.tell_quality();
+    /// The port was closed, because of `fault`.
+    pub fn port_gone(&mut self, fault: LineFault) {
+        self.trouble = None;
+        self.is_mute &= fault == LineFault::Mute;
+    }
+
+    /// Something was received.
+    pub const fn received(&mut self) {
+        self.is_mute = false;
+    }
+
+    /// A request was sent to the drive at `place`.
+    pub fn sent(&mut self, place: usize, function: u8) {
+        self.diagnosis.sent(place);
+        self.damage.sent(place, function);
+    }
+
+    pub fn heard(&mut self, kind: TrafficKind, bytes: &[u8]) {
+        self.diagnosis.heard(kind, bytes);
+        self.damage.heard(kind, bytes);
+    }
+
+    /// A frame of the drive at `place` answers no request.
+    pub fn stray(&mut self, place: usize, stray: StrayFrame) {
+        self.diagnosis.stray(place, stray);
+        self.damage.stray(place, stray);
+    }
+
+    /// The drive at `place` answers `request` in its own way.
+    pub fn wrong_reply(&mut self, place: usize, request: HeardFrame, reply: HeardFrame) {
+        self.diagnosis.wrong_reply(place, request, reply);
+    }
+
+    /// An exchange is `done`, in which an echo that was known was missed or not.
+    pub fn exchange_ended(
+        &mut self,
+        now: MonoTime,
+        done: &DoneExchange,
+        misses_echo: bool,
+        effects: &mut EffectOutbox,
+    ) {
+        if misses_echo {
+            // It may be over: the next read shows whether it is.
+            self.probe_at = now;
         }
-        self.check(now);
-        if has_ended || trouble != self.health.trouble {
-            self.tell_suspicion();
+        if done.counts {
+            self.quality
+                .take(done.drive.get(), done.fault.is_some() || misses_echo);
         }
+        self.diagnosis.ended(done.fault, done.reply_bytes);
+        self.damage.ended(done.fault, done.reply_bytes);
+        self.tell_quality(effects);
+    }
+
+    /// From when on an echoing line is read again.
+    pub const fn probe_at(&self) -> MonoTime {
+        self.probe_at
+    }
+
+    /// Whether an echoing line is read again at `now`; if so, the next time is later.
+    pub fn takes_probe(&mut self, now: MonoTime) -> bool {
+        let is_due = now >= self.probe_at;
+        if is_due {
+            self.probe_at = now + self.probe_wait;
+            self.probe_wait = (self.probe_wait * 2).min(PROBE_MAX);
+        }
+        is_due
+    }
+
+    /// Whether a mute port is reopened at `now`; if so, the next time is later.
+    pub fn takes_reopening(&mut self, now: MonoTime) -> bool {
+        let reopens =
+            self.trouble == Some(LineFault::Mute) && consequence(Fault::Mute).reopens_port;
+        if !reopens || now < self.reopen_at {
+            return false;
+        }
+        self.reopen_at = now + self.reopen_wait;
+        self.reopen_wait = (self.reopen_wait * 2).min(REOPEN_MAX);
+        true
     }
 
     /// When the health must be checked next, whatever else happens.
-    pub(super) fn health_wake(&self) -> Option<LineWake> {
-        if !self.is_open || self.wire.is_busy() {
-            return None;
+    pub fn next_check(&self, wire: &LineWire, drives: &LineDrives) -> Option<MonoTime> {
+        match self.trouble {
+            Some(LineFault::Jammed) => None,
+            Some(LineFault::Mute) => Some(self.reopen_at),
+            _ if drives.are_silent() => Some(wire.last_byte_at() + MUTE_AFTER),
+            _ => None,
         }
-        let at = match self.health.trouble {
-            Some(LineFault::Jammed) => return None,
-            Some(LineFault::Mute) => self.health.reopen_at,
-            _ if self.drives.are_silent() => self.wire.last_byte_at() + MUTE_AFTER,
-            _ => return None,
-        };
-        Some(LineWake {
-            at,
-            reason: WakeReason::LineCheck,
-        })
     }
 
-    fn check(&mut self, now: MonoTime) {
-        if !self.is_open {
-            return;
-        }
-        let all_are_silent = || self.drives.are_silent();
-        self.health.is_mute |=
-            now.since(self.wire.last_byte_at()) >= MUTE_AFTER && all_are_silent();
-        let echoes =
-            self.echo_policy == EchoPolicy::Refuse && self.echo.known() == LocalEcho::Found;
-        let trouble = if self.is_jammed(now) {
+    /// The trouble at `now` of a line that `is_jammed` or not.
+    pub fn found(
+        &mut self,
+        now: MonoTime,
+        is_jammed: bool,
+        echo: LocalEcho,
+        wire: &LineWire,
+        drives: &LineDrives,
+    ) -> Option<LineFault> {
+        self.is_mute |= now.since(wire.last_byte_at()) >= MUTE_AFTER && drives.are_silent();
+        if is_jammed {
             Some(LineFault::Jammed)
-        } else if echoes {
+        } else if self.echo_policy == EchoPolicy::Refuse && echo == LocalEcho::Found {
             Some(LineFault::Echo)
         } else {
-            self.health.is_mute.then_some(LineFault::Mute)
-        };
-        if trouble != self.health.trouble {
-            self.set_trouble(now, trouble);
-        }
-        let reopens = trouble == Some(LineFault::Mute) && consequence(Fault::Mute).reopens_port;
-        if reopens && !self.wire.is_busy() && now >= self.health.reopen_at {
-            self.health.reopen_at = now + self.health.reopen_wait;
-            self.health.reopen_wait = (self.health.reopen_wait * 2).min(REOPEN_MAX);
-            self.effects.push_back(LineEffect::Reopen(LineFault::Mute));
+            self.is_mute.then_some(LineFault::Mute)
         }
     }
 
-    /// Detects traffic that lasts so long that nothing can be sent. The jam is over with the first silence that is long
-    /// enough for a frame.
-    fn is_jammed(&self, now: MonoTime) -> bool {
-        let is_silent = !self.wire.is_busy() && now >= self.wire.may_send_from();
-        if self.wire.is_busy() || is_silent {
-            return self.health.is_jammed() && !is_silent;
-        }
-        // Shorter traffic began after a silence that was not seen: the process was suspended.
-        let talks = self
-            .wire
-            .talks_since(now)
-            .map_or(Duration::ZERO, |since| now.since(since));
-        let is_long = talks >= jam_after(&self.timing);
-        is_long && (self.health.is_jammed() || self.work_at().is_some_and(|at| at <= now))
-    }
-
-    /// The line has become unusable, or usable again. If it is unusable, everything that waits is answered.
-    fn set_trouble(&mut self, now: MonoTime, trouble: Option<LineFault>) {
-        if self.health.is_jammed() {
-            self.share
-                .iter_mut()
-                .for_each(|share| share.rule.jam_ended(now));
-        }
-        self.health.trouble = trouble;
-        self.state = if trouble.is_some() {
-            LineState::Down
-        } else {
-            LineState::Up
-        };
-        self.fault = trouble.or(self.fault);
-        if !self.takes_requests() {
-            self.end_waiting(now);
-        }
+    /// The trouble is another one from now on.
+    pub fn set_trouble(&mut self, now: MonoTime, trouble: Option<LineFault>, is_shared: bool) {
+        self.trouble = trouble;
         match trouble {
-            Some(LineFault::Jammed) => self.counters.jams += 1,
-            Some(LineFault::Echo) => self.health.probe_at = now,
+            Some(LineFault::Echo) => self.probe_at = now,
             // Reopening gives the line up: with another gateway on it, that is worth it only now and then.
-            Some(LineFault::Mute) if self.share.is_some() => {
-                (self.health.reopen_at, self.health.reopen_wait) = (now + REOPEN_MAX, REOPEN_MAX);
+            Some(LineFault::Mute) if is_shared => {
+                (self.reopen_at, self.reopen_wait) = (now + REOPEN_MAX, REOPEN_MAX);
             }
-            Some(LineFault::Mute) => {
-                (self.health.reopen_at, self.health.reopen_wait) = (now, REOPEN_FIRST)
-            }
+            Some(LineFault::Mute) => (self.reopen_at, self.reopen_wait) = (now, REOPEN_FIRST),
             _ => {}
         }
-        self.drives.works_mut().for_each(DriveWork::mark_changed);
-        self.effects.push_back(LineEffect::LineNote(
-            trouble.map_or(LineNote::Up, LineNote::Down),
-        ));
     }
 
-    fn tell_quality(&mut self) {
-        let LineHealth { quality, told, .. } = &mut self.health;
+    fn tell_quality(&mut self, effects: &mut EffectOutbox) {
+        let Self { quality, told, .. } = self;
         let line_is_suspended = quality.is_line_suspended();
         if line_is_suspended != told.line_is_suspended {
             told.line_is_suspended = line_is_suspended;
@@ -262,7 +292,7 @@ impl LineCore {
             } else {
                 LineNote::Resumed
             };
-            self.effects.push_back(LineEffect::LineNote(note));
+            effects.push_back(LineEffect::LineNote(note));
         }
         for (place, told) in (0..).zip(&mut told.drives_are_suspended) {
             let is_suspended = quality.is_suspended(usize::from(place)) && !line_is_suspended;
@@ -275,27 +305,27 @@ impl LineCore {
                 };
                 // A state of the whole line is reported for the line.
                 if !line_is_suspended {
-                    self.effects
-                        .push_back(LineEffect::Note(DriveIndex(place), note));
+                    effects.push_back(LineEffect::Note(DriveIndex(place), note));
                 }
             }
         }
     }
 
-    fn tell_suspicion(&mut self) {
-        let suspicion = match self.health.trouble {
+    /// Tells of a suspicion that has changed.
+    pub fn tell_suspicion(&mut self, effects: &mut EffectOutbox) {
+        let suspicion = match self.trouble {
             Some(LineFault::Jammed) => Some(LineSuspicion::Jam),
             Some(LineFault::Echo) => Some(LineSuspicion::Echo),
-            _ => self.health.diagnosis.suspicion(),
+            _ => self.diagnosis.suspicion(),
         };
-        if suspicion != self.health.told.suspicion {
-            self.health.told.suspicion = suspicion;
-            self.effects
-                .push_back(LineEffect::LineNote(LineNote::Suspects(suspicion)));
+        if suspicion != self.told.suspicion {
+            self.told.suspicion = suspicion;
+            effects.push_back(LineEffect::LineNote(LineNote::Suspects(suspicion)));
         }
     }
 }
 
-fn jam_after(timing: &LineTiming) -> Duration {
+/// How long traffic lasts on a line that is jammed.
+pub(super) fn jam_after(timing: &LineTiming) -> Duration {
     JAM_AFTER.max(timing.on_wire(framing::max_adu_bytes(timing.framing)) * JAM_FRAMES)
 }

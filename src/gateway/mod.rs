@@ -1,38 +1,46 @@
 //! One line without I/O: its wire, its drives, and the single entry point for writes. See [`LineCore`] for its use.
 //!
-//! One small file per kind of event or duty:
+//! [`LineCore`] is made of parts, each with fields that no other file can touch:
+//!
+//! | file | what it keeps |
+//! | --- | --- |
+//! | `drive` | the state of one drive, and the drives of a line |
+//! | `port` | whether the port is open, and why not |
+//! | `health` | whether the line can be used |
+//! | `flight` | the exchange on the wire |
+//! | `natives` | what clients have asked, and the frames for it that wait |
+//! | `turns` | whose turn it is |
+//! | `broadcast` | the one stop for all drives |
+//! | `share`, `roll_call` | what is known of other gateways on the line, and whether one listens |
+//! | `traffic` | what those who watch the line are shown |
+//! | `measured` | measured times |
+//! | `outbox` | effects that are still to be executed |
+//! | `work` | a drive's own work: its `stop`, the `execution` of a command, its trips |
+//!
+//! It passes events between them:
 //!
 //! | file | what it does |
 //! | --- | --- |
+//! | `core` | takes each event, says when the next is due, and reports |
 //! | `ask` | takes requests and commands |
-//! | `decide` | picks what is sent next |
-//! | `drive` | the state of one drive, and the drives of a line |
-//! | `barrier` | rules out late replies |
-//! | `ended` | applies the end of an exchange |
-//! | `overdue` | ends a wait early for a stop, learns reply times |
-//! | `measured` | keeps measured times |
-//! | `report` | reports the line |
-//! | `station` | reports one drive on its line |
-//! | `port` | handles opening and closing of the port |
-//! | `probe` | finds out whether the line echoes |
-//! | `standby` | shares the line with other gateways |
-//! | `between` | sends stops between the frames of another gateway |
+//! | `decide` | picks what is sent next; `barrier` and `probe` pick what rules out late replies and shows an echo |
+//! | `ended` | applies the end of an exchange; `overdue` ends a wait early and learns reply times |
+//! | `state` | opens and closes the port, applies the health of the line |
+//! | `standby` | shares the line with other gateways; sends stops between their frames |
 //! | `overhear` | follows the traffic of another gateway |
-//! | `health` | decides whether the line can be used |
-//! | `traffic` | reports traffic to those who watch the line |
-//! | `work` | a drive's own work: its `stop`, the `execution` of a command, its trips |
 
 mod ask;
 mod barrier;
-mod between;
 mod broadcast;
 mod core;
 mod decide;
+mod digest;
 mod drive;
 mod ended;
 mod event;
 mod execution;
 mod falling;
+mod flight;
 mod health;
 mod measured;
 mod natives;
@@ -42,14 +50,14 @@ mod overdue;
 mod overhear;
 mod port;
 mod probe;
-mod report;
 mod roll_call;
 mod setup;
 mod share;
 mod standby;
-mod station;
+mod state;
 mod stop;
 mod traffic;
+mod turns;
 mod waiter;
 mod words;
 mod work;

@@ -1,14 +1,157 @@
-//! Pending native requests: each has one or more frames on the line and gets exactly one outcome.
+//! Native requests of clients: each has one or more frames on the line and gets exactly one outcome.
 
-use crate::domain::ids::{AskerId, Ticket};
+use super::event::LineEffect;
+use super::outbox::EffectOutbox;
+use crate::domain::ids::{AskerId, DriveIndex, Ticket};
 use crate::domain::native::{NativeAnswer, NativeOutcome, NativeRequest};
 use crate::domain::time::MonoTime;
-use crate::line::schedule::WaiterId;
+use crate::line::schedule::{QueuedRead, ReadJob, ReadKey, ReadSchedule, ScheduleFull, WaiterId};
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 
 /// Maximum number of pending requests per line: 256 clients with 16 each.
 pub const REQUESTS_MAX: usize = 4096;
+
+/// What the clients of one line have asked its drives: the requests, and their frames that wait for the line.
+#[derive(Debug, Default)]
+pub(super) struct ClientReads {
+    pending: PendingNatives,
+    schedule: ReadSchedule,
+}
+
+impl ClientReads {
+    /// Whether there is no room for another request.
+    pub fn is_full(&self) -> bool {
+        self.pending.is_full()
+    }
+
+    /// The number of pending requests.
+    pub fn len(&self) -> usize {
+        self.pending.len()
+    }
+
+    /// The earliest deadline.
+    pub fn next_deadline(&self) -> Option<MonoTime> {
+        self.pending.next_deadline()
+    }
+
+    /// Adds a request whose frames carry `parts` words each, and returns its number.
+    pub fn open(&mut self, request: &NativeRequest, parts: &[u16]) -> u64 {
+        self.pending.open(request, parts)
+    }
+
+    /// Queues a frame of a request. If there is no room, the request is dropped without an answer.
+    pub fn queue(
+        &mut self,
+        key: ReadKey,
+        asker: AskerId,
+        waiter: WaiterId,
+    ) -> Result<QueuedRead, ScheduleFull> {
+        let queued = self.schedule.push_read(key, asker, waiter);
+        if queued.is_err() {
+            self.pending.end(waiter, NativeOutcome::Expired);
+            self.drop_unwanted();
+        }
+        queued
+    }
+
+    /// Drops all requests of a client that is gone.
+    pub fn forget(&mut self, asker: AskerId) {
+        self.pending.forget(asker);
+        self.schedule.forget(asker);
+        self.drop_unwanted();
+    }
+
+    /// The frames that wait.
+    pub fn keys(&self) -> impl Iterator<Item = &ReadKey> {
+        self.schedule.reads()
+    }
+
+    /// The next frame that `may_go`.
+    pub fn take(&mut self, may_go: impl Fn(&ReadKey) -> bool) -> Option<ReadJob> {
+        self.schedule.take_read(may_go)
+    }
+
+    /// The waiting frame with the same question as `key`.
+    pub fn take_same(&mut self, key: &ReadKey) -> Option<ReadJob> {
+        self.schedule.take_same(key)
+    }
+
+    /// A frame is sent once more.
+    pub fn repeat(&mut self, job: ReadJob) {
+        self.schedule.repeat_read(job);
+    }
+
+    pub fn is_waited_for(&self, job: &ReadJob) -> bool {
+        job.waiters
+            .iter()
+            .any(|waiter| self.pending.is_waited_for(*waiter))
+    }
+
+    /// The words that a frame has brought.
+    pub fn deliver(&mut self, job: ReadJob, words: Vec<u16>, effects: &mut EffectOutbox) {
+        let words: Arc<[u16]> = Arc::from(words);
+        for waiter in job.waiters {
+            if let Some(answer) = self.pending.words(waiter, &words) {
+                effects.push_back(LineEffect::Answer(answer));
+            }
+        }
+    }
+
+    /// Ends requests before their words have arrived; their other queued frames are dropped.
+    pub fn end_all(
+        &mut self,
+        waiters: Vec<WaiterId>,
+        outcome: &NativeOutcome,
+        effects: &mut EffectOutbox,
+    ) {
+        let had_waiters = !waiters.is_empty();
+        for waiter in waiters {
+            if let Some(answer) = self.pending.end(waiter, outcome.clone()) {
+                effects.push_back(LineEffect::Answer(answer));
+            }
+        }
+        if had_waiters {
+            self.drop_unwanted();
+        }
+    }
+
+    /// Ends the requests that wait for `drive`.
+    pub fn end_those_of(
+        &mut self,
+        drive: DriveIndex,
+        outcome: &NativeOutcome,
+        effects: &mut EffectOutbox,
+    ) {
+        let waiting = self.schedule.take_reads_of(drive);
+        let waiters = waiting.into_iter().flat_map(|job| job.waiters).collect();
+        self.end_all(waiters, outcome, effects);
+    }
+
+    /// Ends all requests that wait.
+    pub fn end_waiting(&mut self, outcome: &NativeOutcome, effects: &mut EffectOutbox) {
+        let waiting = self.schedule.clear();
+        self.end_all(waiting, outcome, effects);
+    }
+
+    /// Ends the requests whose deadline has passed at `now`, and returns their number.
+    pub fn expire(&mut self, now: MonoTime, effects: &mut EffectOutbox) -> u64 {
+        let mut expired = 0;
+        while let Some(answer) = self.pending.expire(now) {
+            expired += 1;
+            effects.push_back(LineEffect::Answer(answer));
+        }
+        if expired > 0 {
+            self.drop_unwanted();
+        }
+        expired
+    }
+
+    fn drop_unwanted(&mut self) {
+        self.schedule
+            .drop_unwanted(|waiter| self.pending.is_waited_for(waiter));
+    }
+}
 
 /// A pending request.
 #[derive(Debug)]
@@ -34,7 +177,7 @@ enum CollectedWords {
 
 /// The pending requests of one line.
 #[derive(Debug, Default)]
-pub struct PendingNatives {
+struct PendingNatives {
     last: u64,
     waiting: HashMap<u64, PendingNative>,
     deadlines: BTreeSet<(MonoTime, u64)>,
@@ -42,19 +185,17 @@ pub struct PendingNatives {
 
 impl PendingNatives {
     /// Whether there is no room for another request.
-    #[must_use]
-    pub fn is_full(&self) -> bool {
+    fn is_full(&self) -> bool {
         self.waiting.len() >= REQUESTS_MAX
     }
 
     /// The number of pending requests.
-    #[must_use]
-    pub fn len(&self) -> usize {
+    fn len(&self) -> usize {
         self.waiting.len()
     }
 
     /// Adds a request whose frames carry `parts` words each, and returns its number.
-    pub fn open(&mut self, request: &NativeRequest, parts: &[u16]) -> u64 {
+    fn open(&mut self, request: &NativeRequest, parts: &[u16]) -> u64 {
         self.last += 1;
         let words = if parts.len() <= 1 {
             CollectedWords::AtOnce
@@ -73,13 +214,12 @@ impl PendingNatives {
     }
 
     /// Whether a request still waits for a job.
-    #[must_use]
-    pub fn is_waited_for(&self, waiter: WaiterId) -> bool {
+    fn is_waited_for(&self, waiter: WaiterId) -> bool {
         self.waiting.contains_key(&waiter.request)
     }
 
     /// Takes the words of one frame. Returns the answer once all frames have arrived.
-    pub fn words(&mut self, waiter: WaiterId, words: &Arc<[u16]>) -> Option<NativeAnswer> {
+    fn words(&mut self, waiter: WaiterId, words: &Arc<[u16]>) -> Option<NativeAnswer> {
         let native = self.waiting.get_mut(&waiter.request)?;
         let all = match &mut native.words {
             CollectedWords::AtOnce => Arc::clone(words),
@@ -102,7 +242,7 @@ impl PendingNatives {
     }
 
     /// Ends the request of `waiter`, if it is still pending.
-    pub fn end(&mut self, waiter: WaiterId, outcome: NativeOutcome) -> Option<NativeAnswer> {
+    fn end(&mut self, waiter: WaiterId, outcome: NativeOutcome) -> Option<NativeAnswer> {
         let native = self.waiting.remove(&waiter.request)?;
         self.deadlines.remove(&(native.deadline, waiter.request));
         Some(NativeAnswer {
@@ -113,20 +253,19 @@ impl PendingNatives {
     }
 
     /// Ends a request whose deadline has passed at `now`, if there is one.
-    pub fn expire(&mut self, now: MonoTime) -> Option<NativeAnswer> {
+    fn expire(&mut self, now: MonoTime) -> Option<NativeAnswer> {
         let (deadline, request) = *self.deadlines.first()?;
         (deadline <= now)
             .then(|| self.end(WaiterId { request, part: 0 }, NativeOutcome::Expired))?
     }
 
     /// The earliest deadline.
-    #[must_use]
-    pub fn next_deadline(&self) -> Option<MonoTime> {
+    fn next_deadline(&self) -> Option<MonoTime> {
         self.deadlines.first().map(|(deadline, _)| *deadline)
     }
 
     /// Drops all requests of a client that is gone.
-    pub fn forget(&mut self, asker: AskerId) {
+    fn forget(&mut self, asker: AskerId) {
         let deadlines = &mut self.deadlines;
         self.waiting.retain(|request, native| {
             let stays = native.asker != asker;

@@ -14,10 +14,7 @@ use crate::line::exchange::{ExchangeEnding, HeardData};
 use crate::line::overheard::OverheardFrame;
 use crate::wire::framing;
 use crate::wire::pdu::{Reply, Request};
-use crate::wire::signal::{self, Signal, SignalKind, SignalWord};
-
-/// Requests in a row that a station leaves unanswered before a listener shows it as offline.
-const SILENT_AFTER: u8 = 3;
+use crate::wire::signal::{Signal, SignalKind, SignalWord};
 
 impl LineCore {
     /// A listener takes what was `heard`; returns whether it did.
@@ -31,11 +28,9 @@ impl LineCore {
         match heard.kind {
             TrafficKind::Noise => {
                 self.counters.noise_bytes += heard.bytes.len() as u64;
-                // It may have been another request: what answers it must not be taken for the answer to the last one.
-                self.share.iter_mut().for_each(|share| {
-                    share.listener.clear();
-                    share.gap.is_over();
-                });
+                if let Some(share) = &mut self.share {
+                    share.noise_heard();
+                }
             }
             _ => {
                 if let Some((station, pdu)) = framing::decode(self.timing.framing, &heard.bytes) {
@@ -49,9 +44,10 @@ impl LineCore {
     pub(super) fn overhear(&mut self, now: MonoTime, at: MonoTime, station: Station, pdu: &[u8]) {
         let Some(share) = &mut self.share else { return };
         // Whatever follows a question ends the time for its answer.
-        share.answer = None;
+        share.calls.end_answer();
         if let Some(word) = SignalWord::decode(station, pdu) {
-            share.sound_at = at;
+            share.sound_heard(at);
+            share.word_heard(at, word);
             return self.hears_word(at, word);
         }
         if let Some(signal) = Signal::decode(station, pdu) {
@@ -60,41 +56,19 @@ impl LineCore {
                 self.counters.echoes += 1;
                 return self.echo.found();
             }
-            share.sound_at = at;
-            let leads = !signal.kind.is_of_listener();
-            let may_accept = signal.kind != SignalKind::HandOver || self.knows_orders();
-            let Some(share) = &mut self.share else { return };
-            let unanswered = share.heard_signal(now, at, signal, may_accept);
-            // Nothing answers it.
-            share.gap.exchange_ended(at);
-            self.is_unanswered(now, unanswered);
-            if leads {
-                self.left_to_another();
-            }
-            return;
+            share.sound_heard(at);
+            return self.hears_signal(now, at, signal);
         }
-        share.sound_at = at;
-        match share.listener.take(station, pdu) {
-            // It may be the late one to a request of our own.
-            OverheardFrame::Alone => {
-                share.gap.is_over();
-                share.rule.heard_alone(at);
-            }
+        share.sound_heard(at);
+        let drives = &self.drives;
+        let is_known = |station| drives.at_station(station).is_some();
+        match share.frame_heard(at, (station, pdu), is_known) {
+            OverheardFrame::Alone => {}
             OverheardFrame::Request {
                 station,
                 request,
                 unanswered,
             } => {
-                share.another_sends(at);
-                share.gap.asked(at);
-                if station != Station(0)
-                    && station != signal::STATION
-                    && self.drives.at_station(station).is_none()
-                {
-                    share.stranger = Some((station, at));
-                    // No gateway asks it, and one that was active gives the line up.
-                    share.gap.led(at);
-                }
                 self.is_unanswered(now, unanswered);
                 self.overhear_order(at, station, &request);
             }
@@ -103,12 +77,21 @@ impl LineCore {
                 request,
                 ending,
             } => {
-                share.another_sends(at);
-                share.gap.exchange_ended(at);
                 if let Some(index) = self.drives.at_station(station) {
                     self.overhear_answer(now, at, index, &request, &ending);
                 }
             }
+        }
+    }
+
+    /// Another gateway has sent `signal`, which ended at `at`.
+    fn hears_signal(&mut self, now: MonoTime, at: MonoTime, signal: Signal) {
+        let may_accept = signal.kind != SignalKind::HandOver || self.knows_orders();
+        let Some(share) = &mut self.share else { return };
+        let unanswered = share.signal_heard(now, at, signal, may_accept);
+        self.is_unanswered(now, unanswered);
+        if !signal.kind.is_of_listener() {
+            self.left_to_another();
         }
     }
 
@@ -117,31 +100,18 @@ impl LineCore {
         let Some(index) = station.and_then(|station| self.drives.at_station(station)) else {
             return;
         };
-        let Some(count) = self
-            .share
-            .as_mut()
-            .and_then(|share| share.unanswered.get_mut(index.get()))
-        else {
-            return;
-        };
-        *count = count.saturating_add(1);
-        if *count >= SILENT_AFTER {
+        let Some(share) = &mut self.share else { return };
+        if share.is_silent(index.get()) {
             self.drives[index].set_presence(now, DrivePresence::Offline, &mut self.effects);
         }
     }
 
     /// The active gateway tells something that its next frames build on.
     fn hears_word(&mut self, at: MonoTime, word: SignalWord) {
-        let Some(share) = &mut self.share else { return };
-        share.another_leads(at);
-        share.gap.exchange_ended(at);
-        match word {
-            SignalWord::Digest(digest) => share.differs = Some(digest != share.digest),
-            SignalWord::Order(station, order) => {
-                let told = self.drives.at_station(station);
-                told.into_iter()
-                    .for_each(|index| self.drives[index].work.order_told(order, at));
-            }
+        if let SignalWord::Order(station, order) = word
+            && let Some(index) = self.drives.at_station(station)
+        {
+            self.drives[index].work.order_told(order, at);
         }
     }
 
@@ -166,7 +136,7 @@ impl LineCore {
         let is_informed = self
             .share
             .as_ref()
-            .is_some_and(|share| share.rule.knowledge().is_informed(self.effects.now()));
+            .is_some_and(|share| share.is_informed(self.effects.now()));
         self.drives
             .works_mut()
             .for_each(|work| work.left_to_another(is_informed, &mut self.effects));
@@ -183,7 +153,7 @@ impl LineCore {
         let Some((address, values)) = written(&request) else {
             return Vec::new();
         };
-        let is_for_all = self.is_for_all(Station(station));
+        let is_for_all = self.broadcast.is_for_all(Station(station));
         let addressed = self
             .drives
             .iter()
@@ -203,16 +173,12 @@ impl LineCore {
         stopped.collect()
     }
 
-    fn is_for_all(&self, station: Station) -> bool {
-        station == Station(0) || self.all_stop_at == Some(station.0)
-    }
-
     /// Another gateway orders something, perhaps of all drives at once.
     fn overhear_order(&mut self, at: MonoTime, station: Station, request: &Request) {
         let Some((address, values)) = written(request) else {
             return;
         };
-        let is_for_all = self.is_for_all(station);
+        let is_for_all = self.broadcast.is_for_all(station);
         for drive in self.drives.iter_mut() {
             if !is_for_all && drive.setup.station != station {
                 continue;
@@ -243,12 +209,8 @@ impl LineCore {
         if request.is_repeated_by_its_reply() {
             return;
         }
-        if let Some(count) = self
-            .share
-            .as_mut()
-            .and_then(|share| share.unanswered.get_mut(index.get()))
-        {
-            *count = 0;
+        if let Some(share) = &mut self.share {
+            share.has_answered(index.get());
         }
         let drive = &mut self.drives[index];
         drive.station.is_there();

@@ -1,139 +1,157 @@
-//! Whether another gateway listens on a shared line: the active one asks, a listener answers.
+//! Whether another gateway listens on a shared line: the active one asks, a listener answers. Both tell whether their files
+//! agree.
 
-use super::core::LineCore;
-use super::work::WishRank;
-use crate::domain::report::LineFault;
 use crate::domain::time::MonoTime;
-use crate::line::roll_call::RollCall;
-use crate::wire::signal::{self, SignalKind, SignalWord};
+use crate::line::roll_call::{OwedAnswer, RollCall};
+use crate::wire::signal::{SignalKind, SignalWord};
+use std::time::Duration;
 
-impl LineCore {
-    /// Asks whether another gateway listens, if it is time for that. Returns whether nothing else may be sent at `now`: a
-    /// stop may, and is more important than the answer.
-    pub(super) fn call_roll(&mut self, now: MonoTime) -> bool {
-        let has_stop = self
-            .wanted_at(WishRank::RepeatedStop)
-            .is_some_and(|at| now >= at);
-        if has_stop {
-            return false;
+/// A frame for the other gateways of the line.
+#[derive(Debug)]
+pub(super) enum GatewayFrame {
+    Word(SignalWord),
+    Signal(SignalKind),
+}
+
+/// What this gateway asks, and what it has to answer.
+#[derive(Debug)]
+pub(super) struct LineRollCall {
+    /// While this gateway is active: whether another one listens.
+    roll_call: Option<RollCall>,
+    /// The answer that it owes as a listener.
+    answer: Option<OwedAnswer>,
+    /// The digest of this gateway's drives was sent, and the question that follows it was not asked yet.
+    told_digest: bool,
+    /// A digest of its drives.
+    digest: u16,
+    /// Whether the drives of the other gateway differ; `None` while that is not known.
+    differs: Option<bool>,
+}
+
+impl LineRollCall {
+    pub const fn new(digest: u16) -> Self {
+        Self {
+            roll_call: None,
+            answer: None,
+            told_digest: false,
+            digest,
+            differs: None,
         }
-        let Some(call) = self.roll_call_mut() else {
+    }
+
+    /// This gateway has become the active one: it asks from `now` on.
+    pub fn begin(&mut self, now: MonoTime) {
+        (self.roll_call, self.answer, self.differs) = (Some(RollCall::new(now)), None, None);
+    }
+
+    /// This gateway is the active one no more.
+    pub const fn end(&mut self) {
+        (self.roll_call, self.differs) = (None, None);
+    }
+
+    /// Whether another gateway listens, if that is known.
+    pub fn listener(&self) -> Option<bool> {
+        self.roll_call?.listener()
+    }
+
+    /// Whether the drives of the other gateway are known to differ.
+    pub fn files_differ(&self) -> bool {
+        self.differs == Some(true)
+    }
+
+    /// Asks once more, at `now`.
+    pub fn ask_again(&mut self, now: MonoTime) {
+        self.roll_call
+            .iter_mut()
+            .for_each(|call| call.ask_again(now));
+    }
+
+    /// The other gateway has sent the digest of its drives.
+    pub const fn digest_heard(&mut self, digest: u16) {
+        self.differs = Some(digest != self.digest);
+    }
+
+    /// The active gateway asked at `at`, as was seen at `now`; the answer goes in its own `slot`.
+    pub fn question_heard(&mut self, now: MonoTime, at: MonoTime, slot: Duration) {
+        self.answer = Some(OwedAnswer::to_question(now, at, slot));
+    }
+
+    /// Whether the answer may be handed to the port at `now`.
+    pub fn may_answer(&self, now: MonoTime) -> bool {
+        self.answer.is_some_and(|answer| answer.may_be_sent(now))
+    }
+
+    /// When the next question is due whether another gateway listens.
+    pub fn asks_at(&self) -> Option<MonoTime> {
+        self.roll_call?.ask_at()
+    }
+
+    /// Until when the line is left silent for an answer.
+    pub fn silent_until(&self) -> Option<MonoTime> {
+        self.roll_call?.open_until()
+    }
+
+    /// Whether an answer is still waited for at `now`.
+    pub fn waits_for_listener(&mut self, now: MonoTime) -> bool {
+        let Some(call) = &mut self.roll_call else {
             return false;
         };
         call.pass(now);
-        if call.open_until().is_some() {
-            return true;
-        }
-        let is_due = call.ask_at().is_some_and(|at| now >= at);
-        if is_due {
-            // A listener answers the question by the digest that it has just received.
-            let told = self.share.as_mut().map(|share| {
-                (
-                    std::mem::replace(&mut share.told_digest, true),
-                    share.digest,
-                )
-            });
-            match told {
-                Some((false, digest)) => self.send_word(now, SignalWord::Digest(digest)),
-                _ => self.send_signal(now, SignalKind::Question),
-            }
-        }
-        is_due
+        call.open_until().is_some()
     }
 
-    /// The question is out.
-    pub(super) fn roll_was_called(&mut self, now: MonoTime) {
-        let end = now
-            + self
-                .timing
-                .on_wire(self.timing.adu_bytes(signal::PDU_BYTES));
-        if let Some(share) = &mut self.share {
-            share.told_digest = false;
+    /// The question whether another gateway listens, or what is told before it, if it is time for that.
+    pub fn question(&mut self, now: MonoTime) -> Option<GatewayFrame> {
+        if self.asks_at().is_none_or(|at| now < at) {
+            return None;
         }
-        if let Some(call) = self.roll_call_mut() {
+        // A listener answers the question by the digest that it has just received.
+        let is_told = std::mem::replace(&mut self.told_digest, true);
+        Some(if is_told {
+            GatewayFrame::Signal(SignalKind::Question)
+        } else {
+            GatewayFrame::Word(SignalWord::Digest(self.digest))
+        })
+    }
+
+    /// The question is out at `end`. It `counts` if it could be heard.
+    pub fn was_asked(&mut self, end: MonoTime, counts: bool) {
+        self.told_digest = false;
+        if counts && let Some(call) = &mut self.roll_call {
             call.asked(end);
         }
     }
 
-    /// Takes the answer of a listener, if the request `frame` of another master is one. Returns whether it is.
-    pub(super) fn hears_listener(&mut self, now: MonoTime, frame: &[u8]) -> bool {
-        let signal = self
-            .signal_in(frame)
-            .filter(|(it, is_own)| it.kind.is_of_listener() && !is_own);
-        let Some((signal, _)) = signal else {
-            return false;
-        };
-        if let Some(share) = &mut self.share {
-            share.differs = Some(signal.kind == SignalKind::Differs);
-        }
-        if let Some(call) = self.roll_call_mut() {
+    /// A listener has answered with a signal of `kind`. It `counts` if signals can be heard.
+    pub fn listener_answered(&mut self, now: MonoTime, kind: SignalKind, counts: bool) {
+        self.differs = Some(kind == SignalKind::Differs);
+        if counts && let Some(call) = &mut self.roll_call {
             call.answered(now);
         }
-        true
     }
 
-    /// When the next question is due.
-    pub(super) fn roll_call_at(&self) -> Option<MonoTime> {
-        self.roll_call()?.ask_at()
+    /// When the answer to a question of the active gateway is due.
+    pub fn answers_at(&self) -> Option<MonoTime> {
+        Some(self.answer?.at())
     }
 
-    /// Until when the line is left silent for an answer; a stop ends that.
-    pub(super) fn silent_until(&self) -> Option<MonoTime> {
-        let until = self.roll_call()?.open_until()?;
-        Some(
-            self.wanted_at(WishRank::RepeatedStop)
-                .map_or(until, |stop| stop.min(until)),
-        )
-    }
-
-    fn roll_call(&self) -> Option<&RollCall> {
-        if !self.may_signal() {
+    /// The answer to a question that was heard just before `now`, if it is time for it and this gateway `may_answer`.
+    pub fn due_answer(&mut self, now: MonoTime, may_answer: bool) -> Option<SignalKind> {
+        if !may_answer || self.answer?.is_over(now) {
+            self.answer = None;
+        }
+        if !self.answer?.may_be_sent(now) {
             return None;
         }
-        self.share.as_ref()?.roll_call.as_ref()
+        Some(if self.differs == Some(true) {
+            SignalKind::Differs
+        } else {
+            SignalKind::Listening
+        })
     }
 
-    fn roll_call_mut(&mut self) -> Option<&mut RollCall> {
-        if !self.may_signal() {
-            return None;
-        }
-        self.share.as_mut()?.roll_call.as_mut()
-    }
-
-    /// Whether a signal would be heard.
-    pub(super) const fn may_signal(&self) -> bool {
-        !matches!(
-            self.health.trouble,
-            Some(LineFault::Jammed | LineFault::Echo)
-        )
-    }
-
-    /// Answers a question of the active gateway, if one was heard just before `now`. Returns whether it does.
-    pub(super) fn answer_question(&mut self, now: MonoTime) -> bool {
-        let listens = self.listens() && self.may_signal();
-        let Some(share) = self.share.as_mut().filter(|share| share.answer.is_some()) else {
-            return false;
-        };
-        if !listens || share.answer.is_some_and(|answer| answer.is_over(now)) {
-            share.answer = None;
-        }
-        let answers = share.answer.is_some_and(|answer| answer.may_be_sent(now));
-        if answers {
-            let differs = share.differs == Some(true);
-            self.send_signal(
-                now,
-                if differs {
-                    SignalKind::Differs
-                } else {
-                    SignalKind::Listening
-                },
-            );
-        }
-        answers
-    }
-
-    /// When the answer to a question is due.
-    pub(super) fn answer_at(&self) -> Option<MonoTime> {
-        Some(self.share.as_ref()?.answer?.at())
+    /// A question was answered, or something else was heard since, which ends the time for its answer.
+    pub const fn end_answer(&mut self) {
+        self.answer = None;
     }
 }
