@@ -2,12 +2,16 @@
 
 use super::SimDrive;
 use super::back_door::BackDoor;
+use super::commit::{self, is_committed};
 use super::denied::{DeniedRequest, RequestObjection};
 use super::memory::{AddressForm, MemoryAddress, following, index_in_ram, index_of, place_of};
+use super::shown::is_measured;
 use super::untrue::ShownWord;
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{BlockWrite, ReadHoles, RefusedWrite, Register, RegisterRole};
+use crate::profile::model::{
+    BlockWrite, CommitEffect, ReadHoles, RefusedWrite, Register, RegisterRole,
+};
 use crate::sim::options::BadRequest;
 use crate::wire::pdu::{self, Request, function};
 
@@ -35,7 +39,7 @@ impl SimDrive {
             }
         };
         if !matches!(done, Err(DeniedRequest::Request(_))) {
-            self.heard(at);
+            self.watchdog.heard(at);
         }
         if done.is_ok() && self.takes_in_silence(pdu) {
             return false;
@@ -69,7 +73,7 @@ impl SimDrive {
         }
         // A broadcast is not answered.
         if self.serve(at, pdu, 0, &mut Vec::new()).is_ok() {
-            self.heard(at);
+            self.watchdog.heard(at);
         }
     }
 
@@ -86,11 +90,6 @@ impl SimDrive {
 
     fn hears(&self, at: MonoTime) -> bool {
         self.powered && at >= self.deaf_until
-    }
-
-    const fn heard(&mut self, at: MonoTime) {
-        self.last_heard = at;
-        self.has_expired = false;
     }
 
     /// Whether the drive stays silent on a request that it cannot serve.
@@ -316,7 +315,7 @@ impl SimDrive {
             if !register.takes_both(words) {
                 return Err(DeniedRequest::Refused(RequestObjection::Value));
             }
-            if self.waits_for_commit(register) {
+            if commit::is_waited_for(&self.model, register) {
                 self.memory.hold_back(index, number);
             } else {
                 self.take_number(
@@ -329,7 +328,7 @@ impl SimDrive {
             }
             return Ok(());
         }
-        let micro = self.micro_of_number(register, number.into());
+        let micro = self.scale().micro_of_number(register, number.into());
         self.take_setpoint(at, micro)
             .map_err(DeniedRequest::Refused)
     }
@@ -338,6 +337,29 @@ impl SimDrive {
         if let Some(deaf) = self.model.registers[place.index].deaf_after {
             self.deaf_until = self.deaf_until.max(at + deaf);
         }
+    }
+
+    /// Executes `value` in the register at `place` if it is there to take over or store parameters, and tells whether it is.
+    fn take_commit(
+        &mut self,
+        at: MonoTime,
+        place: MemoryAddress,
+        value: u16,
+    ) -> Result<bool, RequestObjection> {
+        let address = self.model.registers[place.index].address;
+        let runs = self.control.is_ordered_to_run();
+        let Some(effect) = commit::effect_of(&self.model, address, value, runs)? else {
+            return Ok(false);
+        };
+        for index in 0..self.model.registers.len() {
+            if self.memory.apply(index) {
+                self.follow_register(at, index);
+            }
+            if effect == CommitEffect::Store && is_committed(&self.model.registers[index]) {
+                self.memory.store(index);
+            }
+        }
+        Ok(true)
     }
 
     /// Accepts `value` at `place`, or returns why not.
@@ -349,7 +371,7 @@ impl SimDrive {
     ) -> Result<(), RequestObjection> {
         let register = &self.model.registers[place.index];
         let role = register.role;
-        if !register.access.can_write() || role.is_some_and(Self::is_measured) {
+        if !register.access.can_write() || role.is_some_and(is_measured) {
             return Err(RequestObjection::Address);
         }
         if matches!(role, Some(RegisterRole::RunCommand | RegisterRole::Order)) {
@@ -363,10 +385,10 @@ impl SimDrive {
         match (role, BackDoor::of(register)) {
             (Some(RegisterRole::FrequencyCommand | RegisterRole::FrequencySetting), _)
             | (_, Some(BackDoor::Frequency)) => {
-                let micro = self.micro_of(register, value);
+                let micro = self.scale().micro_of(register, value);
                 self.take_setpoint(at, micro)?;
             }
-            (_, Some(BackDoor::Limit)) if self.control.direction != 0 => {
+            (_, Some(BackDoor::Limit)) if self.control.is_ordered_to_run() => {
                 return Err(RequestObjection::NotNow);
             }
             _ => {}
@@ -374,7 +396,7 @@ impl SimDrive {
         self.is_deaf_after(at, place);
         if self.take_commit(at, place, value)? {
             self.take(place, value);
-        } else if self.waits_for_commit(&self.model.registers[place.index]) {
+        } else if commit::is_waited_for(&self.model, &self.model.registers[place.index]) {
             self.memory.hold_back(place.index, value.into());
         } else {
             self.take(place, value);

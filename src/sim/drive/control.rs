@@ -1,79 +1,33 @@
-//! Control of the motor: bus or panel, and their orders.
+//! Control of the motor: the words that order it, bus or panel, and the drive's own watchdog.
 
 use super::SimDrive;
 use super::back_door::BackDoor;
-use super::command::{MotorMotion, RunOrder, has_priority};
+use super::command::{MotorMotion, RunOrder, has_priority, run_order_in};
 use super::denied::RequestObjection;
+use super::memory::{MemoryAddress, index_of};
+use super::watchdog::WatchdogReaction;
+use crate::domain::address::Address;
 use crate::domain::command::Direction;
 use crate::domain::time::MonoTime;
-use crate::profile::model::{BitMeaning, Register, RegisterMemory, RegisterRole, RunForm};
-use crate::sim::motor::MICROHERTZ;
-use std::time::Duration;
+use crate::profile::model::{
+    BitMeaning, Model, OrderKind, Register, RegisterMemory, RegisterRole, RunForm,
+};
+use crate::sim::motor::{MICROHERTZ, Motor};
+use std::sync::Arc;
 
 /// Output frequency of a jog in microhertz.
 const JOG: i64 = 5 * MICROHERTZ;
 /// Number of an ordered trip, if the model's table has none for it.
 const ORDERED_TRIP: u16 = 1;
 
-/// The orders that the drive obeys.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct ObeyedOrders {
-    /// 1 forward, -1 reverse, 0 not ordered to run.
-    pub(super) direction: i64,
-    is_jog: bool,
-    /// The newest word takes control whatever the source registers say.
-    pub(super) bus_run: bool,
-    pub(super) bus_frequency: bool,
-    /// The newest word has the reset bit.
-    reset_held: bool,
-    /// The reset word stands in a register of its own.
-    pub(super) reset_stands: bool,
-    /// When the drive obeys a reset word that must stand for a while.
-    reset_due: Option<MonoTime>,
-}
-
-/// Accumulated running time.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct RunClock {
-    total: Duration,
-    since: Option<MonoTime>,
-}
-
-impl RunClock {
-    fn turn(&mut self, at: MonoTime, runs: bool) {
-        self.total += self
-            .since
-            .take()
-            .map_or(Duration::ZERO, |since| at.since(since));
-        self.since = runs.then_some(at);
-    }
-
-    /// Millionths of an hour.
-    pub(super) fn microhours(&self, at: MonoTime) -> i64 {
-        let time = self.total + self.since.map_or(Duration::ZERO, |since| at.since(since));
-        i64::try_from(time.as_micros() / 3_600).unwrap_or(i64::MAX)
-    }
-}
-
 impl SimDrive {
     /// Applies the orders of a word to the motor.
-    pub(super) fn obey_word(&mut self, at: MonoTime, wish: RunOrder) {
-        let is_edge = wish.is_one_command || !self.control.reset_held;
-        self.report.resets_held += u64::from(wish.reset && !is_edge);
+    fn obey_word(&mut self, at: MonoTime, wish: RunOrder) {
         let had_bus = self.is_run_from_bus();
-        let RunOrder {
-            bus_run,
-            bus_frequency,
-            ..
-        } = wish;
-        self.control = ObeyedOrders {
-            bus_run,
-            bus_frequency,
-            reset_held: wish.reset,
-            ..self.control
-        };
-        if wish.trip && !self.tripped {
-            self.trip(at, self.ordered_trip());
+        let is_edge = self.control.take_word(&wish);
+        self.report.resets_held += u64::from(wish.reset && !is_edge);
+        if wish.trip && !self.faults.is_tripped() {
+            self.trip(at, ordered_trip(&self.model));
         }
         let has_bus = self.is_run_from_bus();
         // A command that only resets does not change a drive without a trip.
@@ -82,10 +36,10 @@ impl SimDrive {
             self.hand_over(at);
         } else if has_bus && wish.coast {
             self.cut_off(at);
-        } else if has_bus && !only_resets && !self.tripped {
+        } else if has_bus && !only_resets && !self.faults.is_tripped() {
             self.turn(at, wish);
         }
-        if wish.reset && is_edge && self.tripped {
+        if wish.reset && is_edge && self.faults.is_tripped() {
             let wait = self
                 .model
                 .reset_writes()
@@ -93,48 +47,31 @@ impl SimDrive {
                 .find(|write| write.resets)
                 .map(|write| write.wait);
             match wait.filter(|wait| !wait.is_zero()) {
-                Some(wait) => self.control.reset_due = Some(at + wait),
+                Some(wait) => self.control.reset_at(at + wait),
                 None => self.reset(at),
             }
         }
     }
 
     /// A reset word that has stood for as long as it must takes effect.
-    pub(super) fn follow_reset(&mut self, at: MonoTime) {
-        if let Some(due) = self.control.reset_due.take_if(|due| *due <= at)
-            && self.tripped
+    fn follow_reset(&mut self, at: MonoTime) {
+        if let Some(due) = self.control.take_due_reset(at)
+            && self.faults.is_tripped()
             && self.powered
         {
             self.reset(due);
         }
     }
 
-    /// Another word takes the place of a reset word.
-    pub(super) const fn end_reset(&mut self) {
-        self.control.reset_due = None;
-    }
-
-    /// The direction of a motor that is ordered to move like this; 0 if it is to stand still.
-    pub(super) fn wanted_direction(&self, motion: MotorMotion) -> i64 {
-        let before = self.control.direction;
-        match motion {
-            MotorMotion::Stop => 0,
-            MotorMotion::Run(direction) => direction,
-            MotorMotion::Keep(Some(direction)) if before != 0 => direction,
-            MotorMotion::Keep(_) | MotorMotion::Freeze => before,
-            MotorMotion::Toggle => -before,
-        }
-    }
-
     fn turn(&mut self, at: MonoTime, wish: RunOrder) {
-        let direction = self.wanted_direction(wish.motion);
+        let direction = self.control.wanted_direction(wish.motion);
         match wish.motion {
             MotorMotion::Freeze => {
-                self.control.direction = direction;
+                self.control.turn(direction);
                 let output = self.motor.output(at);
                 self.motor.ramp_to(at, output);
             }
-            MotorMotion::Keep(_) => self.run(at, direction, self.control.is_jog),
+            MotorMotion::Keep(_) => self.run(at, direction, self.control.is_jog()),
             MotorMotion::Stop | MotorMotion::Run(_) | MotorMotion::Toggle => {
                 self.run(at, direction, wish.jog)
             }
@@ -143,7 +80,7 @@ impl SimDrive {
 
     /// Ends the trip. A drive that ignores requests afterwards restarts: it forgets command and setpoint.
     fn reset(&mut self, at: MonoTime) {
-        self.tripped = false;
+        self.faults.reset();
         let Some(deaf) = &self.model.quirks.deaf_after_reset else {
             return;
         };
@@ -156,11 +93,7 @@ impl SimDrive {
 
     /// Clears command values in volatile registers.
     pub(super) fn forget_orders(&mut self) {
-        let reset_held = self.control.reset_held;
-        self.control = ObeyedOrders {
-            reset_held,
-            ..ObeyedOrders::default()
-        };
+        self.control.forget();
         let is_ram = |role| {
             self.model
                 .register_for(role)
@@ -186,7 +119,7 @@ impl SimDrive {
 
     /// Gives control to panel and terminals.
     pub(super) fn hand_over(&mut self, at: MonoTime) {
-        let direction = if self.tripped {
+        let direction = if self.faults.is_tripped() {
             0
         } else {
             self.options.panel_runs.map_or(0, sign)
@@ -219,12 +152,12 @@ impl SimDrive {
 
     /// Whether run commands come from the bus.
     pub(super) fn is_run_from_bus(&self) -> bool {
-        self.control.bus_run || self.is_source_at_bus(RegisterRole::RunSource)
+        self.control.bus_run() || self.is_source_at_bus(RegisterRole::RunSource)
     }
 
     /// Whether the frequency comes from the bus.
     pub(super) fn is_frequency_from_bus(&self) -> bool {
-        self.control.bus_frequency || self.is_source_at_bus(RegisterRole::FrequencySource)
+        self.control.bus_frequency() || self.is_source_at_bus(RegisterRole::FrequencySource)
     }
 
     /// Whether the source register with `role` holds the value that the model's setup requires. A model without such a
@@ -256,25 +189,21 @@ impl SimDrive {
 
     /// Runs in `direction`; 0 is a stop by the ramp.
     pub(super) fn run(&mut self, at: MonoTime, direction: i64, is_jog: bool) {
-        self.control = ObeyedOrders {
-            direction,
-            is_jog,
-            ..self.control
-        };
+        self.control.run(direction, is_jog);
         self.run_clock.turn(at, direction != 0);
         self.motor.ramp_to(at, direction * self.wanted());
     }
 
     pub(super) fn cut_off(&mut self, at: MonoTime) {
-        self.control.direction = 0;
+        self.control.turn(0);
         self.run_clock.turn(at, false);
         self.motor.cut_off(at);
     }
 
     /// Applies changes to a running motor.
     pub(super) fn follow(&mut self, at: MonoTime) {
-        if self.control.direction != 0 {
-            self.run(at, self.control.direction, self.control.is_jog);
+        if self.control.is_ordered_to_run() {
+            self.run(at, self.control.direction(), self.control.is_jog());
         }
     }
 
@@ -284,7 +213,7 @@ impl SimDrive {
             Some(hertz) if !self.is_frequency_from_bus() => i64::from(hertz) * MICROHERTZ,
             _ => self.setpoint,
         };
-        if self.control.is_jog {
+        if self.control.is_jog() {
             JOG
         } else {
             frequency.clamp(-self.highest(), self.highest())
@@ -298,22 +227,264 @@ impl SimDrive {
         let limits = limits.map(|(index, it)| {
             i64::from(self.memory.word(index)) * MICROHERTZ / i64::from(it.scale.max(1))
         });
-        limits.fold(self.full_scale(), i64::min)
+        limits.fold(self.ratings.full_scale(), i64::min)
     }
 
-    fn ordered_trip(&self) -> u16 {
-        let is_one = |text: &str| {
-            ["emergency", "external"]
-                .iter()
-                .any(|part| text.contains(part))
+    /// Takes `word` in a register of orders.
+    pub(super) fn take_order(
+        &mut self,
+        at: MonoTime,
+        place: MemoryAddress,
+        word: u16,
+    ) -> Result<(), RequestObjection> {
+        let model = Arc::clone(&self.model);
+        let register = &model.registers[place.index];
+        let address = register.address;
+        let Some(run) = model.run.as_ref() else {
+            return Err(RequestObjection::Value);
         };
-        let ordered = self
-            .model
-            .trip_codes
-            .iter()
-            .find(|it| is_one(&it.text.to_lowercase()));
-        ordered.map_or(ORDERED_TRIP, |it| it.code)
+        let is_own = register.role == Some(RegisterRole::RunCommand);
+        let is_forbidden = run.never.iter().any(|never| is_own && never.value == word)
+            || run
+                .places
+                .never
+                .iter()
+                .any(|(register, never)| *register == address && never.value == word);
+        if is_forbidden {
+            self.report.forbidden_words += 1;
+            return Err(RequestObjection::Value);
+        }
+        if self.model.order_address(OrderKind::Reset) == Some(address) {
+            self.control.end_reset();
+        }
+        if self.model.direction_at(address).is_some() {
+            return self.take_direction(at, place, word);
+        }
+        let is_of_reset = is_of_reset(&self.model, address);
+        if is_of_reset && run.places.clear == Some(word) {
+            self.take(place, word);
+            self.control.set_reset_stands(false);
+            return Ok(());
+        }
+        let wished = run_order_in(&self.model, address, word);
+        let motion = wished.map(|wish| wish.motion);
+        if is_own
+            && self.is_source_at_bus(RegisterRole::RunSource)
+            && self.take_start(at, place, word, motion)
+        {
+            return Ok(());
+        }
+        let mut wish = wished.ok_or(RequestObjection::Value)?;
+        if wish.is_ignored {
+            return Ok(());
+        }
+        if let MotorMotion::Run(direction) = &mut wish.motion {
+            *direction *= self.given_direction();
+        }
+        if wish.is_one_command {
+            // Only a word of bits can give them up.
+            wish.bus_run = self.control.bus_run();
+            wish.bus_frequency = self.control.bus_frequency();
+        }
+        let needs_sources = !has_priority(run) && !wish.release;
+        let has_sources = self.is_source_at_bus(RegisterRole::RunSource)
+            && self.is_source_at_bus(RegisterRole::FrequencySource);
+        if (needs_sources && !has_sources)
+            || (self.control.wanted_direction(wish.motion) != 0 && self.faults.is_tripped())
+        {
+            return Err(RequestObjection::NotNow);
+        }
+        let stood = is_of_reset && self.control.reset_stands();
+        if is_of_reset && run_clears(&self.model) {
+            self.control.set_reset_stands(true);
+        }
+        // The effect of the word may change the register.
+        self.take(place, word);
+        if stood {
+            // It is set already: a drive acts on the change.
+            self.report.resets_held += 1;
+            return Ok(());
+        }
+        self.obey_word(at, wish);
+        Ok(())
     }
+
+    /// The direction of the next run word; a motor that runs follows at once.
+    fn take_direction(
+        &mut self,
+        at: MonoTime,
+        place: MemoryAddress,
+        word: u16,
+    ) -> Result<(), RequestObjection> {
+        let words = self
+            .model
+            .direction_at(self.model.registers[place.index].address);
+        if !words.is_some_and(|words| word == words.forward || Some(word) == words.reverse) {
+            return Err(RequestObjection::Value);
+        }
+        self.take(place, word);
+        let sign = self.given_direction();
+        if self.control.is_ordered_to_run()
+            && self.is_run_from_bus()
+            && self.control.direction() != sign
+        {
+            self.run(at, sign, false);
+        }
+        Ok(())
+    }
+
+    /// 1, or -1 if the register of the direction holds the word for reverse.
+    fn given_direction(&self) -> i64 {
+        let words = self
+            .model
+            .run
+            .as_ref()
+            .and_then(|run| run.places.direction.as_ref());
+        let Some(words) = words.map(|fact| &fact.value) else {
+            return 1;
+        };
+        let held = index_of(&self.model, words.address).map(|index| self.memory.word(index));
+        if held.is_some() && held == words.reverse {
+            -1
+        } else {
+            1
+        }
+    }
+
+    /// Holds the drive back: it takes the words of a start but follows none. A drive that is let go obeys the run word that
+    /// stands in its register.
+    pub fn hold_back(&mut self, at: MonoTime, is_held_back: bool) {
+        self.advance(at);
+        self.start.hold_back(is_held_back);
+        if is_held_back {
+            return;
+        }
+        let stands = |kind| {
+            let (address, fact) = self.model.order(kind)?;
+            let held = self.word(address)?;
+            (self.powered && !self.faults.is_tripped() && held == fact.value).then_some(())
+        };
+        let direction = if stands(OrderKind::Forward).is_some() {
+            1
+        } else if stands(OrderKind::Reverse).is_some() {
+            -1
+        } else {
+            return;
+        };
+        self.start.complete(&self.model);
+        self.run(at, direction, false);
+    }
+
+    /// Shows `running` only while the drive is ordered to run: a motor that ramps down is shown as ready for the run word.
+    pub const fn show_orders(&mut self) {
+        self.start.show_orders();
+    }
+
+    /// Takes `word`, which orders `motion`, if it belongs to a start or is a run word that the drive is not ready for; false if
+    /// it is an order.
+    fn take_start(
+        &mut self,
+        at: MonoTime,
+        place: MemoryAddress,
+        word: u16,
+        motion: Option<MotorMotion>,
+    ) -> bool {
+        let steps = self.model.start_steps();
+        if steps.is_empty() {
+            return false;
+        }
+        let run = self.model.run.as_ref();
+        let is_stop = run.is_some_and(|run| run.stop.value == word);
+        let is_taken_back = self.model.start_take_back() == Some(word);
+        let falls_back = match steps.iter().position(|step| step.write.value == word) {
+            Some(step) => self.start.take_step(at, step, !self.faults.is_tripped()),
+            None if is_taken_back && !is_stop => {
+                self.start.begin_again();
+                false
+            }
+            None if matches!(motion, Some(MotorMotion::Run(_))) && !self.is_ready(at, place) => {
+                self.take(place, word);
+                return true;
+            }
+            None => return false,
+        };
+        self.take(place, word);
+        // An earlier state of the drive is one in which its output is off.
+        if falls_back && self.is_run_from_bus() && self.motor.output(at) != 0 {
+            self.cut_off(at);
+        } else if self.is_run_from_bus()
+            && self.control.is_ordered_to_run()
+            && !matches!(motion, Some(MotorMotion::Keep(_)))
+        {
+            self.run(at, 0, false);
+        }
+        true
+    }
+
+    fn is_ready(&self, at: MonoTime, place: MemoryAddress) -> bool {
+        let address = self.model.registers[place.index].address;
+        let held = self.memory.word(place.index);
+        let runs = self.control.is_ordered_to_run();
+        self.start.is_ready(&self.model, at, (address, held), runs)
+    }
+
+    /// Lets time pass until `at`: the watchdog may act.
+    pub fn advance(&mut self, at: MonoTime) {
+        self.follow_reset(at);
+        let Some(due) = self.watchdog_due().filter(|due| *due <= at) else {
+            return;
+        };
+        self.watchdog.expire();
+        self.report.watchdog_expiries += 1;
+        match WatchdogReaction::of(&self.model, &self.memory) {
+            WatchdogReaction::Decelerate => self.run(due, 0, false),
+            WatchdogReaction::Coast => self.cut_off(due),
+            WatchdogReaction::Trip(code) => self.trip(due, code),
+            WatchdogReaction::Keep => {}
+        }
+    }
+
+    /// The motor at `at` if the bus stays silent until then.
+    pub(super) fn motor_at(&self, at: MonoTime) -> Motor {
+        let mut motor = self.motor.clone();
+        if let Some(due) = self.watchdog_due().filter(|due| *due <= at) {
+            match WatchdogReaction::of(&self.model, &self.memory) {
+                WatchdogReaction::Decelerate => motor.ramp_to(due, 0),
+                WatchdogReaction::Coast | WatchdogReaction::Trip(_) => motor.cut_off(due),
+                WatchdogReaction::Keep => {}
+            }
+        }
+        motor
+    }
+
+    /// When the watchdog acts if the bus stays silent; `None` if it is off, or there is nothing to stop.
+    fn watchdog_due(&self) -> Option<MonoTime> {
+        let watches = self.powered && self.control.is_ordered_to_run() && self.is_run_from_bus();
+        if !watches {
+            return None;
+        }
+        self.watchdog.due(&self.model, &self.memory)
+    }
+}
+
+/// The number of a trip that a word orders.
+fn ordered_trip(model: &Model) -> u16 {
+    let is_one = |text: &str| {
+        ["emergency", "external"]
+            .iter()
+            .any(|part| text.contains(part))
+    };
+    let ordered = model
+        .trip_codes
+        .iter()
+        .find(|it| is_one(&it.text.to_lowercase()));
+    ordered.map_or(ORDERED_TRIP, |it| it.code)
+}
+
+/// Whether the register at `address` takes nothing but the reset.
+fn is_of_reset(model: &Model, address: Address) -> bool {
+    let mut kinds = model.orders_at(address).map(|(kind, _)| kind);
+    kinds.next() == Some(OrderKind::Reset) && kinds.next().is_none()
 }
 
 /// 1 forward, -1 reverse.
@@ -322,4 +493,12 @@ pub(super) fn sign(direction: Direction) -> i64 {
         Direction::Forward => 1,
         Direction::Reverse => -1,
     }
+}
+
+/// Whether the drive leaves the reset word in its register.
+fn run_clears(model: &Model) -> bool {
+    model
+        .run
+        .as_ref()
+        .is_some_and(|run| run.places.clear.is_some())
 }

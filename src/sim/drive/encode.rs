@@ -1,91 +1,35 @@
-//! Values as words, and words as values, where a register is more than one word with a scale.
+//! Values as numbers, and numbers as values, where a register has more than a scale.
 
-use super::SimDrive;
+use super::memory::SimMemory;
 use crate::domain::address::Address;
-use crate::domain::time::MonoTime;
-use crate::profile::model::{AddendWord, BasisRegister, FractionWhole, FullScale, Register};
+use crate::profile::model::{AddendWord, BasisRegister, FractionWhole, FullScale, Model, Register};
 
 /// Millionths in a unit of measure.
 const MICRO: i128 = 1_000_000;
 
-impl SimDrive {
-    /// The word that a read shows at `address` where registers share it, have two words or are added to another one;
-    /// `None` where it is one register with one word.
-    pub(super) fn shared_word(&self, at: MonoTime, address: Address) -> Option<u16> {
-        let registers = self
-            .model
-            .registers
-            .iter()
-            .enumerate()
-            .filter(|(_, register)| register.access.can_read());
-        let mut shared = None;
-        for (index, register) in registers.filter(|(_, register)| !register.form.is_plain()) {
-            let part = register
-                .form
-                .plus
-                .iter()
-                .position(|part| part.address == address);
-            let place = address
-                .offset_from(register.address)
-                .filter(|place| *place < register.form.words());
-            let word = match (place, part) {
-                (Some(place), _) => self.words(at, index)[usize::from(place)],
-                // A part that is a register of its own shows its own word.
-                (None, Some(part)) if self.model.readable_at(address).is_none() => {
-                    self.parts(at, index).1[part]
-                }
-                (None, _) => continue,
-            };
-            shared = Some(shared.unwrap_or(0) | word);
-        }
-        shared
-    }
+/// What the numbers in registers mean, which other registers may decide.
+#[derive(Clone, Copy)]
+pub(super) struct RegisterScales<'a> {
+    model: &'a Model,
+    memory: &'a SimMemory,
+    max_frequency_hz: u16,
+}
 
-    /// The words of the register at `index`.
-    fn words(&self, at: MonoTime, index: usize) -> [u16; 2] {
-        let register = &self.model.registers[index];
-        let number = self.parts(at, index).0;
-        let number = if register.signed {
-            number
-        } else {
-            number.abs()
-        };
-        match register.form.pair {
-            Some(order) => order.words((number & 0xFFFF_FFFF) as u32),
-            None => [mantissa_and_exponent(register, number), 0],
+impl<'a> RegisterScales<'a> {
+    pub(super) const fn new(
+        model: &'a Model,
+        memory: &'a SimMemory,
+        max_frequency_hz: u16,
+    ) -> Self {
+        Self {
+            model,
+            memory,
+            max_frequency_hz,
         }
-    }
-
-    /// The number in the register at `index` before its exponent, and the words that are added to it.
-    fn parts(&self, at: MonoTime, index: usize) -> (i128, Vec<u16>) {
-        let register = &self.model.registers[index];
-        let Some(micro) = self.measured(at, register) else {
-            if register.form.pair.is_some() {
-                let bits = register.role.and_then(|role| self.bits(role));
-                return (
-                    bits.unwrap_or_else(|| self.memory.number(index)).into(),
-                    Vec::new(),
-                );
-            }
-            return (
-                self.held(at, index).into(),
-                vec![0; register.form.plus.len()],
-            );
-        };
-        let mut left = i128::from(micro);
-        let mut words = vec![0; register.form.plus.len()];
-        let mut coarse: Vec<_> = register.form.plus.iter().enumerate().collect();
-        coarse.sort_by_key(|(_, part)| std::cmp::Reverse(size(part)));
-        for (place, part) in coarse {
-            let word = (left / size(part)).clamp(0, i128::from(u16::MAX));
-            left -= word * size(part);
-            words[place] = (word & 0xFFFF) as u16;
-        }
-        (self.number_of(register, left), words)
     }
 
     /// `micro` millionths of its unit as `register` counts.
-    fn number_of(&self, register: &Register, micro: i128) -> i128 {
+    pub(super) fn number_of(&self, register: &Register, micro: i128) -> i128 {
         if let Some(scale) = &register.form.full_scale {
             let (from, of) = self.ends(scale);
             return nearest((micro - from) * i128::from(scale.steps), (of - from).max(1));
@@ -139,7 +83,7 @@ impl SimDrive {
         let of = match &scale.of {
             FractionWhole::Register(basis) => value(basis),
             FractionWhole::Fixed(hertz) => i128::from(hertz.millihertz()) * 1_000,
-            FractionWhole::Configured => i128::from(self.options.max_frequency_hz) * MICRO,
+            FractionWhole::Configured => i128::from(self.max_frequency_hz) * MICRO,
         };
         (scale.from.as_ref().map_or(0, value), of)
     }
@@ -155,13 +99,27 @@ impl SimDrive {
     }
 }
 
+/// `micro` millionths in the parts of `register`, the coarsest first: what is left, and the words of the parts.
+pub(super) fn split(register: &Register, micro: i64) -> (i128, Vec<u16>) {
+    let mut left = i128::from(micro);
+    let mut words = vec![0; register.form.plus.len()];
+    let mut coarse: Vec<_> = register.form.plus.iter().enumerate().collect();
+    coarse.sort_by_key(|(_, part)| std::cmp::Reverse(size(part)));
+    for (place, part) in coarse {
+        let word = (left / size(part)).clamp(0, i128::from(u16::MAX));
+        left -= word * size(part);
+        words[place] = (word & 0xFFFF) as u16;
+    }
+    (left, words)
+}
+
 /// The size of one step of a part, in millionths.
 fn size(part: &AddendWord) -> i128 {
     (MICRO * i128::from(part.per) / i128::from(part.scale.max(1))).max(1)
 }
 
 /// `number` in the bits of its field, with the power of ten that it needs.
-fn mantissa_and_exponent(register: &Register, number: i128) -> u16 {
+pub(super) fn mantissa_and_exponent(register: &Register, number: i128) -> u16 {
     let (mask, exponent_mask) = (register.form.mask, register.form.exponent_mask);
     let most = i128::from(mask >> mask.trailing_zeros());
     let (mut number, mut exponent) = (number, 0_u16);

@@ -7,16 +7,20 @@
 //! | `memory` | register contents, volatile and stored |
 //! | `command` | meaning of a run command |
 //! | `commit` | words that take over or store parameters |
-//! | `orders` | orders in registers of their own |
+//! | `obeyed` | the orders that are obeyed, and the time run |
 //! | `start` | a start in several words |
-//! | `control` | control of the motor |
+//! | `control` | control of the motor by words, bus or panel |
+//! | `faults` | trips, warnings and the alarm |
+//! | `ratings` | what is measured at an output frequency |
 //! | `shown` | measurements, trips and settings as registers show them |
 //! | `status` | status words |
 //! | `watchdog` | the reaction to a silent bus |
-//! | `encode` | values of more than one word with a scale |
+//! | `encode` | numbers with more than a scale |
 //! | `back_door` | other ways to the motor |
 //! | `untrue` | readings that are not so, and reads that are refused |
-//! | `elsewhere` | actions from outside the line, and the true state of the motor |
+//!
+//! This file has what acts on a drive from outside the line (panel, terminals, another master, the drive itself), and the true
+//! state of its motor, for observers that do not ask over the line.
 
 mod answer;
 mod back_door;
@@ -25,10 +29,11 @@ mod command;
 mod commit;
 mod control;
 mod denied;
-mod elsewhere;
 mod encode;
+mod faults;
 mod memory;
-mod orders;
+mod obeyed;
+mod ratings;
 mod shown;
 mod start;
 mod status;
@@ -37,20 +42,25 @@ mod tests;
 mod untrue;
 mod watchdog;
 
-use super::motor::Motor;
-use super::options::DriveOptions;
+use super::motor::{MICROHERTZ, Motor};
+use super::options::{DriveOptions, RefusedStops};
 use super::report::DriveReport;
-use super::trip::TripLog;
 use crate::domain::address::Address;
 use crate::domain::command::Direction;
 use crate::domain::time::MonoTime;
 use crate::profile::model::{ExceptionKind, Model, OrderKind, RegisterRole};
-use control::{ObeyedOrders, RunClock};
+use crate::wire::pdu::function;
+use control::sign;
+use encode::RegisterScales;
+use faults::SimFaults;
 use memory::{MemoryAddress, SimMemory, index_of, time};
+use obeyed::{ObeyedOrders, RunClock};
+use ratings::SimRatings;
 use start::StartReadiness;
 use std::sync::Arc;
 use std::time::Duration;
 use untrue::UntrueReads;
+use watchdog::SimWatchdog;
 
 /// One drive with its motor. Moments passed to it may be equal but never go back.
 ///
@@ -66,22 +76,14 @@ pub struct SimDrive {
     control: ObeyedOrders,
     start: StartReadiness,
     run_clock: RunClock,
-    trips: TripLog,
-    tripped: bool,
-    alarm: bool,
-    /// What the register of warnings shows.
-    warning: u32,
-    /// The active trips, where each has a bit.
-    trip_bits: u32,
+    faults: SimFaults,
+    ratings: SimRatings,
+    watchdog: SimWatchdog,
     powered: bool,
     /// The next requests are answered with this exception and not executed.
     objects: Option<(ExceptionKind, u32)>,
     /// It ignores requests before this moment.
     deaf_until: MonoTime,
-    /// When it last received a request that it could serve.
-    last_heard: MonoTime,
-    /// The drive's watchdog has acted since `last_heard`.
-    has_expired: bool,
     untrue: UntrueReads,
     report: DriveReport,
 }
@@ -90,9 +92,13 @@ impl SimDrive {
     /// A drive that has been on for a while, at standstill, without a setpoint and without trips.
     #[must_use]
     pub fn new(model: Arc<Model>, options: DriveOptions) -> Self {
-        let full_scale = i64::from(options.max_frequency_hz.max(1)) * super::motor::MICROHERTZ;
+        let ratings = SimRatings::of(&options);
         let mut drive = Self {
-            motor: Motor::new(full_scale, options.acceleration, options.deceleration),
+            motor: Motor::new(
+                ratings.full_scale(),
+                options.acceleration,
+                options.deceleration,
+            ),
             memory: SimMemory::new(&model, &options),
             model,
             options,
@@ -100,16 +106,12 @@ impl SimDrive {
             control: ObeyedOrders::default(),
             start: StartReadiness::default(),
             run_clock: RunClock::default(),
-            trips: TripLog::default(),
-            tripped: false,
-            alarm: false,
-            warning: 0,
-            trip_bits: 0,
+            faults: SimFaults::default(),
+            ratings,
+            watchdog: SimWatchdog::new(),
             powered: true,
             objects: None,
             deaf_until: MonoTime::ZERO,
-            last_heard: MonoTime::ZERO,
-            has_expired: false,
             untrue: UntrueReads::default(),
             report: DriveReport::default(),
         };
@@ -152,7 +154,7 @@ impl SimDrive {
     /// Whether the drive is tripped, as of the last moment passed to it.
     #[must_use]
     pub const fn is_tripped(&self) -> bool {
-        self.tripped
+        self.faults.is_tripped()
     }
 
     /// Whether the drive is switched on. When off, it neither receives nor sends.
@@ -175,26 +177,18 @@ impl SimDrive {
         if !self.powered {
             return;
         }
-        let others = if self.tripped { self.trip_bits } else { 0 };
-        self.trip_bits = others
-            | cause
-                .checked_sub(1)
-                .and_then(|bit| 1_u32.checked_shl(bit.into()))
-                .unwrap_or(0);
-        let record = self.record(at, cause);
-        self.trips.push(record);
-        self.tripped = true;
+        self.faults.trip(self.record(at, cause));
         self.drop_out(at);
     }
 
     /// Leaves only those of the active trips whose bits are set in `bits`. It resets nothing.
     pub const fn keep_trip_bits(&mut self, bits: u32) {
-        self.trip_bits &= bits;
+        self.faults.keep_trip_bits(bits);
     }
 
     /// Shows the warning with this number, or the warnings with these bits; 0 for none. The motor goes on.
     pub const fn set_warning(&mut self, warning: u32) {
-        self.warning = warning;
+        self.faults.set_warning(warning);
     }
 
     /// Answers the next `times` requests with the model's exception of this `kind`, without executing them.
@@ -204,7 +198,7 @@ impl SimDrive {
 
     /// Sets or clears the alarm that status words show.
     pub const fn set_alarm(&mut self, alarm: bool) {
-        self.alarm = alarm;
+        self.faults.set_alarm(alarm);
     }
 
     /// Switches the drive off or on. When off, the motor coasts and volatile registers are lost. After power-up, the
@@ -215,7 +209,9 @@ impl SimDrive {
             self.drop_out(at);
             self.memory.lose_power();
             self.forget_orders();
-            self.tripped = self.tripped && self.options.trip_outlasts_power;
+            if !self.options.trip_outlasts_power {
+                self.faults.reset();
+            }
             (0..self.model.registers.len()).for_each(|index| self.follow_ramps(at, index));
         }
         let comes_on = !self.powered && powered;
@@ -224,8 +220,7 @@ impl SimDrive {
             self.control = ObeyedOrders::default();
             let deaf = self.model.quirks.deaf_after_power_up.as_ref();
             self.deaf_until = deaf.map_or(at, |deaf| at + deaf.value);
-            self.last_heard = at;
-            self.has_expired = false;
+            self.watchdog.heard(at);
             if !self.is_run_from_bus() {
                 self.hand_over(at);
             }
@@ -251,11 +246,118 @@ impl SimDrive {
         }
     }
 
+    /// Runs or stops the motor like a key or a terminal that acts whatever the source registers say. Registers do not
+    /// change. A drive that is off or tripped does not run.
+    pub fn operate(&mut self, at: MonoTime, runs: Option<Direction>) {
+        self.advance(at);
+        if self.powered && !(self.faults.is_tripped() && runs.is_some()) {
+            self.run(at, runs.map_or(0, sign), false);
+        }
+    }
+
+    /// Sets another setpoint, in whole hertz, from outside the line.
+    pub fn set_frequency(&mut self, at: MonoTime, hertz: u16) {
+        self.advance(at);
+        if self.powered {
+            self.setpoint = i64::from(hertz) * MICROHERTZ;
+            self.follow(at);
+        }
+    }
+
+    /// From now on it takes no setpoint above so many hertz, but acknowledges it.
+    pub const fn clamp(&mut self, hertz: Option<u16>) {
+        self.options.clamps_at_hz = hertz;
+    }
+
+    /// Ends a trip as by a key, or by the drive itself; it then runs if `runs`.
+    pub fn clear_trip(&mut self, at: MonoTime, runs: Option<Direction>) {
+        self.advance(at);
+        if self.powered && self.faults.is_tripped() {
+            self.faults.reset();
+            self.run(at, runs.map_or(0, sign), false);
+        }
+    }
+
+    /// Sets which stops are refused from now on, in the way in which the model refuses a write.
+    pub const fn refuse_stops(&mut self, which: RefusedStops) {
+        self.options.refused_stops = which;
+    }
+
+    /// The stops that it currently refuses.
+    #[must_use]
+    pub const fn refused_stops(&self) -> RefusedStops {
+        self.options.refused_stops
+    }
+
+    /// The current order of the motor, from any source, as of the last moment passed to the drive.
+    #[must_use]
+    pub fn ordered(&self) -> Option<Direction> {
+        match self.control.direction() * self.setpoint_sign() {
+            0 => None,
+            1.. => Some(Direction::Forward),
+            _ => Some(Direction::Reverse),
+        }
+    }
+
+    /// -1 if the setpoint is below 0, which only drives take that turn by its sign; else 1.
+    const fn setpoint_sign(&self) -> i64 {
+        if self.setpoint < 0 { -1 } else { 1 }
+    }
+
+    /// How often the drive tripped.
+    #[must_use]
+    pub const fn trips(&self) -> u16 {
+        self.faults.count()
+    }
+
+    /// The word that the register at `address` holds, whether or not it can be read over the line.
+    #[must_use]
+    pub fn word(&self, address: Address) -> Option<u16> {
+        index_of(&self.model, address).map(|index| self.memory.word(index))
+    }
+
+    /// Whether a write of `value` to `address` by function `by` is a stop that this drive refuses.
+    fn refuses_stop(&self, by: u8, address: Address, value: u16) -> bool {
+        let is_refused = match self.options.refused_stops {
+            RefusedStops::None => return false,
+            RefusedStops::Single => by == function::WRITE_SINGLE,
+            RefusedStops::All => true,
+        };
+        let stop = self.model.order(OrderKind::Stop);
+        is_refused
+            && stop.is_some_and(|(register, fact)| register == address && fact.value == value)
+    }
+
+    /// From now on reads of `address` show `word`, whatever is so. Nothing else changes.
+    pub fn shows_at(&mut self, address: Address, word: u16) {
+        self.untrue.show_at(address, Some(word));
+    }
+
+    /// From now on reads of `address` are refused, and each read that covers it.
+    pub fn refuses_at(&mut self, address: Address) {
+        self.untrue.show_at(address, None);
+    }
+
+    /// From now on reads that begin at `address` are answered with a word more than they ask for.
+    pub const fn answers_too_long_at(&mut self, address: Address) {
+        self.untrue.answer_too_long_at(address);
+    }
+
+    /// From now on all reads show `word`.
+    pub const fn shows_everywhere(&mut self, word: u16) {
+        self.untrue.show_everywhere(word);
+    }
+
+    /// From now on reads show again what is so.
+    pub fn shows_the_truth(&mut self) {
+        self.untrue = UntrueReads::default();
+    }
+
     /// Coasts by the drive's own decision. The run command is then as after a stop, so that a refused RUN is
     /// answered with a value other than its own.
     fn drop_out(&mut self, at: MonoTime) {
         self.cut_off(at);
-        self.must_start_again();
+        self.start.begin_again();
         let stop = self
             .model
             .order(OrderKind::Stop)
@@ -309,6 +411,11 @@ impl SimDrive {
         self.memory
             .take(&self.model.registers[place.index], place, number);
         self.report.stored_writes += self.memory.stored_writes(place.index) - before;
+    }
+
+    /// What the numbers in its registers mean at the moment.
+    fn scale(&self) -> RegisterScales<'_> {
+        RegisterScales::new(&self.model, &self.memory, self.options.max_frequency_hz)
     }
 
     fn index_for(&self, role: RegisterRole) -> Option<usize> {

@@ -1,17 +1,17 @@
 //! Register values of a drive as shown by reads.
 
 use super::SimDrive;
+use super::encode::{mantissa_and_exponent, split};
 use super::memory::index_of;
+use super::ratings::MICRO;
+use super::status::{FLAGS, word_of_flags};
 use crate::domain::address::Address;
 use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
-use crate::profile::model::{Register, RegisterRole};
+use crate::profile::model::{IndicatedState, Register, RegisterRole};
 use crate::profile::value::code_under;
-use crate::sim::motor::MICROHERTZ;
 use crate::sim::trip::SimTripRecord;
 
-/// Millionths in a unit of measure: readings are whole numbers of them.
-const MICRO: i64 = 1_000_000;
 /// The words of a trip record in a block, in order.
 const RECORD: [RegisterRole; 4] = [
     RegisterRole::TripCause,
@@ -34,22 +34,16 @@ impl SimDrive {
             return code_under(word, register.form.mask);
         }
         match register.role {
-            Some(RegisterRole::TripCode) => {
-                if self.tripped {
-                    self.trips.newest().cause
-                } else {
-                    0
-                }
-            }
+            Some(RegisterRole::TripCode) => self.faults.code(),
             Some(
                 role @ (RegisterRole::TripBits
                 | RegisterRole::WarningCode
                 | RegisterRole::WarningBits),
-            ) => (self.bits(role).unwrap_or(0) & 0xFFFF) as u16,
-            Some(RegisterRole::TripCount) => self.trips.count(),
-            Some(RegisterRole::TripCause) => self.trips.newest().cause,
+            ) => (self.faults.bits(role).unwrap_or(0) & 0xFFFF) as u16,
+            Some(RegisterRole::TripCount) => self.faults.count(),
+            Some(RegisterRole::TripCause) => self.faults.newest().cause,
             Some(RegisterRole::TripHistory) => self
-                .trips
+                .faults
                 .record(self.place_in_history(register))
                 .map_or(0, |it| it.cause),
             Some(RegisterRole::RunHours) => {
@@ -67,15 +61,6 @@ impl SimDrive {
         }
     }
 
-    /// What a register with `role` shows that holds the bits of trips, or warnings, in one word or two.
-    pub(super) fn bits(&self, role: RegisterRole) -> Option<u32> {
-        match role {
-            RegisterRole::TripBits => Some(if self.tripped { self.trip_bits } else { 0 }),
-            RegisterRole::WarningCode | RegisterRole::WarningBits => Some(self.warning),
-            _ => None,
-        }
-    }
-
     /// Whether `register`, which may be a field of a word, contains a flag.
     fn has_flag_in(&self, register: &Register) -> bool {
         let here = self
@@ -87,23 +72,8 @@ impl SimDrive {
             .any(|flag| flag.mask & register.form.mask != 0)
     }
 
-    /// Whether a register with `role` is a measurement, which cannot be written.
-    pub(super) fn is_measured(role: RegisterRole) -> bool {
-        !matches!(
-            role,
-            RegisterRole::RunCommand
-                | RegisterRole::Order
-                | RegisterRole::FrequencyCommand
-                | RegisterRole::FrequencySetting
-                | RegisterRole::AccelerationTime
-                | RegisterRole::DecelerationTime
-                | RegisterRole::FrequencySource
-                | RegisterRole::RunSource
-        )
-    }
-
     /// The value of `register`, in millionths of its unit of measure, if it is measured.
-    pub(super) fn measured(&self, at: MonoTime, register: &Register) -> Option<i64> {
+    fn measured(&self, at: MonoTime, register: &Register) -> Option<i64> {
         match register.role? {
             RegisterRole::RunHours => {
                 Some(i64::from(self.options.run_hours) * MICRO + self.run_clock.microhours(at))
@@ -115,21 +85,21 @@ impl SimDrive {
     /// The value of a register with `role`, in millionths of its unit of measure.
     fn reading(&self, at: MonoTime, role: RegisterRole) -> Option<i64> {
         let output = self.motor.output(at);
-        let trip = self.trips.newest();
+        let trip = self.faults.newest();
+        let ratings = &self.ratings;
         Some(match role {
             RegisterRole::FrequencyCommand | RegisterRole::FrequencySetting => self.setpoint,
             RegisterRole::OutputFrequency => output,
-            RegisterRole::OutputCurrent => self.current(output),
-            RegisterRole::OutputVoltage => self.voltage(output),
-            RegisterRole::DcLinkVoltage => self.dc_link(output),
-            RegisterRole::OutputPower => power(self.current(output), self.voltage(output)),
+            RegisterRole::OutputCurrent => ratings.current(output),
+            RegisterRole::OutputVoltage => ratings.voltage(output),
+            RegisterRole::DcLinkVoltage => ratings.dc_link(output),
+            RegisterRole::OutputPower => ratings.power(output),
             // As if it ran at its rated power all the time.
             RegisterRole::Energy => {
-                let power = power(self.rated_current(), self.rated_voltage());
-                (self.run_clock.microhours(at) / 1000).saturating_mul(power / 1000)
+                (self.run_clock.microhours(at) / 1000).saturating_mul(ratings.rated_power() / 1000)
             }
-            RegisterRole::Torque => self.share(100 * MICRO, output) * output.signum(),
-            RegisterRole::Temperature => 25 * MICRO + self.share(20 * MICRO, output),
+            RegisterRole::Torque => ratings.share(100 * MICRO, output) * output.signum(),
+            RegisterRole::Temperature => 25 * MICRO + ratings.share(20 * MICRO, output),
             RegisterRole::TripFrequency => trip.frequency,
             RegisterRole::TripCurrent => trip.current,
             RegisterRole::TripDcLinkVoltage => trip.dc_link,
@@ -143,8 +113,8 @@ impl SimDrive {
         SimTripRecord {
             cause,
             frequency: output,
-            current: self.current(output),
-            dc_link: self.dc_link(output),
+            current: self.ratings.current(output),
+            dc_link: self.ratings.dc_link(output),
         }
     }
 
@@ -185,7 +155,7 @@ impl SimDrive {
             return None;
         }
         let offset = address.offset_from(start)?;
-        let record = self.trips.record(usize::from(offset / 4))?;
+        let record = self.faults.record(usize::from(offset / 4))?;
         let register = &newest[usize::from(offset % 4)];
         Some(match offset % 4 {
             0 => record.cause,
@@ -210,10 +180,14 @@ impl SimDrive {
     /// `micro` as shown by `register`: in its unit, or in percent of the rated value.
     fn word_of(&self, register: &Register, micro: i64) -> u16 {
         let rated = match register.role {
-            Some(RegisterRole::OutputCurrent | RegisterRole::TripCurrent) => self.rated_current(),
-            Some(RegisterRole::OutputVoltage) => self.rated_voltage(),
-            Some(RegisterRole::DcLinkVoltage | RegisterRole::TripDcLinkVoltage) => self.dc_link(0),
-            Some(RegisterRole::OutputPower) => power(self.rated_current(), self.rated_voltage()),
+            Some(RegisterRole::OutputCurrent | RegisterRole::TripCurrent) => {
+                self.ratings.rated_current()
+            }
+            Some(RegisterRole::OutputVoltage) => self.ratings.rated_voltage(),
+            Some(RegisterRole::DcLinkVoltage | RegisterRole::TripDcLinkVoltage) => {
+                self.ratings.dc_link(0)
+            }
+            Some(RegisterRole::OutputPower) => self.ratings.rated_power(),
             _ => 0,
         };
         if register.unit == UnitOfMeasure::Percent && rated > 0 {
@@ -222,49 +196,131 @@ impl SimDrive {
         raw(register, micro)
     }
 
-    /// `whole` in proportion to the speed.
-    fn share(&self, whole: i64, output: i64) -> i64 {
-        // Both are some hundred millions at most, so that the product fits.
-        whole * (output.abs() / 10) / (self.full_scale() / 10)
+    /// The word of the status register at `address`; `None` if it has no flag. Bits that no flag names are
+    /// those of `other`.
+    fn status_word(&self, at: MonoTime, address: Address, other: u16) -> Option<u16> {
+        let flags = |flag| {
+            self.model
+                .status
+                .iter()
+                .find(move |it| it.address == address && it.flag == flag)
+        };
+        let told: Vec<_> = FLAGS
+            .into_iter()
+            .filter_map(flags)
+            .map(|it| (it, self.is_so(at, it.flag)))
+            .collect();
+        let word = word_of_flags(&told, other)?;
+        // What the drive shows of a start.
+        Some(if self.faults.is_tripped() || self.shows_running(at) {
+            word
+        } else {
+            self.start.shown_in(&self.model, address, word)
+        })
     }
 
-    /// Magnetising the motor takes a third of the rated current.
-    fn current(&self, output: i64) -> i64 {
-        let rated = self.rated_current();
-        if output == 0 {
-            0
-        } else {
-            rated / 100 * 33 + self.share(rated / 100 * 67, output)
+    /// Whether the drive shows that it runs.
+    fn shows_running(&self, at: MonoTime) -> bool {
+        self.control.is_ordered_to_run() || (self.motor.output(at) != 0 && self.start.shows_ramps())
+    }
+
+    /// Whether `flag` is set at `at`.
+    fn is_so(&self, at: MonoTime, flag: IndicatedState) -> bool {
+        let output = self.motor.output(at);
+        let direction = self.control.direction() * self.setpoint_sign();
+        match flag {
+            IndicatedState::Running => self.shows_running(at),
+            IndicatedState::Reverse => output < 0 || (output == 0 && direction < 0),
+            IndicatedState::Stopping => output != 0 && direction == 0,
+            IndicatedState::Tripped => self.faults.is_tripped(),
+            IndicatedState::Alarm => self.faults.alarm(),
+            IndicatedState::Ready => !self.faults.is_tripped(),
+            IndicatedState::BusRun => self.is_run_from_bus(),
+            IndicatedState::BusFrequency => self.is_frequency_from_bus(),
         }
     }
 
-    /// In proportion to the frequency.
-    fn voltage(&self, output: i64) -> i64 {
-        self.share(self.rated_voltage(), output)
+    /// The word that a read shows at `address` where registers share it, have two words or are added to another one;
+    /// `None` where it is one register with one word.
+    pub(super) fn shared_word(&self, at: MonoTime, address: Address) -> Option<u16> {
+        let registers = self
+            .model
+            .registers
+            .iter()
+            .enumerate()
+            .filter(|(_, register)| register.access.can_read());
+        let mut shared = None;
+        for (index, register) in registers.filter(|(_, register)| !register.form.is_plain()) {
+            let part = register
+                .form
+                .plus
+                .iter()
+                .position(|part| part.address == address);
+            let place = address
+                .offset_from(register.address)
+                .filter(|place| *place < register.form.words());
+            let word = match (place, part) {
+                (Some(place), _) => self.words(at, index)[usize::from(place)],
+                // A part that is a register of its own shows its own word.
+                (None, Some(part)) if self.model.readable_at(address).is_none() => {
+                    self.parts(at, index).1[part]
+                }
+                (None, _) => continue,
+            };
+            shared = Some(shared.unwrap_or(0) | word);
+        }
+        shared
     }
 
-    /// The rectified supply, which gives way by 20 V at full speed.
-    fn dc_link(&self, output: i64) -> i64 {
-        i64::from(self.options.dc_link_v) * MICRO - self.share(20 * MICRO, output)
+    /// The words of the register at `index`.
+    fn words(&self, at: MonoTime, index: usize) -> [u16; 2] {
+        let register = &self.model.registers[index];
+        let number = self.parts(at, index).0;
+        let number = if register.signed {
+            number
+        } else {
+            number.abs()
+        };
+        match register.form.pair {
+            Some(order) => order.words((number & 0xFFFF_FFFF) as u32),
+            None => [mantissa_and_exponent(register, number), 0],
+        }
     }
 
-    fn rated_current(&self) -> i64 {
-        i64::from(self.options.rated_current_x10) * MICRO / 10
-    }
-
-    fn rated_voltage(&self) -> i64 {
-        i64::from(self.options.rated_voltage_v) * MICRO
-    }
-
-    /// The frequency, in microhertz, that the ramps refer to.
-    pub(super) fn full_scale(&self) -> i64 {
-        i64::from(self.options.max_frequency_hz.max(1)) * MICROHERTZ
+    /// The number in the register at `index` before its exponent, and the words that are added to it.
+    fn parts(&self, at: MonoTime, index: usize) -> (i128, Vec<u16>) {
+        let register = &self.model.registers[index];
+        let Some(micro) = self.measured(at, register) else {
+            if register.form.pair.is_some() {
+                let bits = register.role.and_then(|role| self.faults.bits(role));
+                return (
+                    bits.unwrap_or_else(|| self.memory.number(index)).into(),
+                    Vec::new(),
+                );
+            }
+            return (
+                self.held(at, index).into(),
+                vec![0; register.form.plus.len()],
+            );
+        };
+        let (left, words) = split(register, micro);
+        (self.scale().number_of(register, left), words)
     }
 }
 
-/// Of three phases at a power factor of about 0.87, in millionths of a kilowatt.
-fn power(current: i64, voltage: i64) -> i64 {
-    current / 1_000 * (voltage / 1_000) / 1_000 * 15 / 10
+/// Whether a register with `role` is a measurement, which cannot be written.
+pub(super) fn is_measured(role: RegisterRole) -> bool {
+    !matches!(
+        role,
+        RegisterRole::RunCommand
+            | RegisterRole::Order
+            | RegisterRole::FrequencyCommand
+            | RegisterRole::FrequencySetting
+            | RegisterRole::AccelerationTime
+            | RegisterRole::DecelerationTime
+            | RegisterRole::FrequencySource
+            | RegisterRole::RunSource
+    )
 }
 
 fn is_of_a_trip(role: RegisterRole) -> bool {

@@ -1,12 +1,9 @@
 //! Status words: the bits and codes for the state of a drive.
 
-use super::SimDrive;
-use crate::domain::address::Address;
-use crate::domain::time::MonoTime;
 use crate::profile::model::{ClearWords, IndicatedState, MaskedWord, StatusFlag};
 
 /// From the weakest to the strongest: if two share bits, the later one is shown.
-const FLAGS: [IndicatedState; 8] = [
+pub(super) const FLAGS: [IndicatedState; 8] = [
     IndicatedState::Ready,
     IndicatedState::BusRun,
     IndicatedState::BusFrequency,
@@ -17,51 +14,18 @@ const FLAGS: [IndicatedState; 8] = [
     IndicatedState::Tripped,
 ];
 
-impl SimDrive {
-    /// The word of the status register at `address`; `None` if it has no flag. Bits that no flag names are
-    /// those of `other`.
-    pub(super) fn status_word(&self, at: MonoTime, address: Address, other: u16) -> Option<u16> {
-        let flags = |flag| {
-            self.model
-                .status
-                .iter()
-                .find(move |it| it.address == address && it.flag == flag)
-        };
-        let here: Vec<_> = FLAGS.into_iter().filter_map(flags).collect();
-        let named = here.iter().fold(0, |mask, it| mask | it.mask);
-        let told: Vec<_> = here
-            .iter()
-            .map(|it| (*it, self.is_so(at, it.flag)))
-            .collect();
-        let word = told
-            .iter()
-            .filter(|(_, is_so)| *is_so)
-            .fold(other & !named, |word, (it, _)| shown(word, it));
-        let hidden = |word, it: &(&StatusFlag, bool)| {
-            if it.1 {
-                word
-            } else {
-                hidden(word, it.0, &told)
-            }
-        };
-        (!here.is_empty()).then(|| self.with_readiness(at, address, told.iter().fold(word, hidden)))
-    }
-
-    /// Whether `flag` is set at `at`.
-    fn is_so(&self, at: MonoTime, flag: IndicatedState) -> bool {
-        let output = self.motor.output(at);
-        let direction = self.control.direction * self.setpoint_sign();
-        match flag {
-            IndicatedState::Running => self.shows_running(at),
-            IndicatedState::Reverse => output < 0 || (output == 0 && direction < 0),
-            IndicatedState::Stopping => output != 0 && direction == 0,
-            IndicatedState::Tripped => self.tripped,
-            IndicatedState::Alarm => self.alarm,
-            IndicatedState::Ready => !self.tripped,
-            IndicatedState::BusRun => self.is_run_from_bus(),
-            IndicatedState::BusFrequency => self.is_frequency_from_bus(),
-        }
-    }
+/// The word of a status register with the flags that are `told`, in the order of [`FLAGS`], and whether each is set; `None`
+/// without a flag. Bits that no flag names are those of `other`.
+pub(super) fn word_of_flags(told: &[(&StatusFlag, bool)], other: u16) -> Option<u16> {
+    let named = told.iter().fold(0, |mask, (it, _)| mask | it.mask);
+    let word = told
+        .iter()
+        .filter(|(_, is_so)| *is_so)
+        .fold(other & !named, |word, (it, _)| shown(word, it));
+    let hidden = |word, it: &(&StatusFlag, bool)| {
+        if it.1 { word } else { hidden(word, it.0, told) }
+    };
+    (!told.is_empty()).then(|| told.iter().fold(word, hidden))
 }
 
 /// `word` with `flag` set.

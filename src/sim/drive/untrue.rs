@@ -8,11 +8,11 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, Default)]
 pub(super) struct UntrueReads {
     /// Everywhere.
-    pub(super) everywhere: Option<u16>,
+    everywhere: Option<u16>,
     /// At single addresses; `None` refuses the read.
-    pub(super) single: BTreeMap<Address, Option<u16>>,
+    single: BTreeMap<Address, Option<u16>>,
     /// Reads from here on are answered with a word too many.
-    pub(super) too_long_at: Option<Address>,
+    too_long_at: Option<Address>,
 }
 
 /// What a read of one address shows.
@@ -26,6 +26,21 @@ pub(super) enum ShownWord {
 }
 
 impl UntrueReads {
+    /// Reads of `address` show `word`; without one they are refused.
+    pub(super) fn show_at(&mut self, address: Address, word: Option<u16>) {
+        self.single.insert(address, word);
+    }
+
+    /// All reads show `word`.
+    pub(super) const fn show_everywhere(&mut self, word: u16) {
+        self.everywhere = Some(word);
+    }
+
+    /// Reads that begin at `address` are answered with a word too many.
+    pub(super) const fn answer_too_long_at(&mut self, address: Address) {
+        self.too_long_at = Some(address);
+    }
+
     /// Whether a read from `first` on is answered with a word too many.
     pub(super) fn is_too_long(&self, first: Address) -> bool {
         self.too_long_at == Some(first)
