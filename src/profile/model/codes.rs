@@ -104,10 +104,24 @@ impl CodeRule {
     }
 }
 
+/// Maximum count of numbers in a group, from 0: codes have two digits.
+pub const NUMBERS_MAX: u8 = 100;
+
+/// A group of parameters.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ParameterGroup {
+    /// The prefix of its codes; if codes are addresses, their first two digits.
+    pub name: String,
+    /// The high byte of its addresses.
+    pub high: u8,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::profile::check;
     use crate::profile::model::Confidence;
+    use crate::profile::testing::{EVERYTHING, MODEL};
 
     fn origin() -> Fact<()> {
         Fact {
@@ -212,5 +226,32 @@ mod tests {
             (Some(0xFE10), Some(0x0010))
         );
         assert_eq!((rule.address("F01.08"), rule.address("+FE1")), (None, None));
+    }
+
+    #[test]
+    fn a_group_is_what_its_rule_covers() {
+        let model = check::model(EVERYTHING).unwrap();
+        let groups = model.groups();
+        assert!(!groups.is_empty());
+        for group in &groups {
+            let addresses: Vec<_> = model.addresses_of(group).collect();
+            assert!(
+                !addresses.is_empty() && addresses.len() <= usize::from(NUMBERS_MAX),
+                "{group:?}"
+            );
+            for address in addresses {
+                let code = model.code_in_group(address).unwrap();
+                assert!(code.starts_with(&group.name), "{code}");
+                assert_eq!(
+                    model.codes.as_ref().unwrap().address(&code),
+                    Some(address.number())
+                );
+            }
+        }
+        let without = check::model(MODEL).unwrap();
+        assert_eq!(
+            (without.groups(), without.code_in_group(0x0101_u16.into())),
+            (Vec::new(), None)
+        );
     }
 }

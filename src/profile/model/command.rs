@@ -1,8 +1,8 @@
 //! How a model is commanded: run commands, writes, and the settings it needs to obey the bus.
 
 use super::{
-    Confidence, Fact, FactPart, Model, OrderKind, OrderPlaces, RegisterRole, ResetStep, RunForm,
-    StartWords, StateText, ZeroWord,
+    Confidence, Fact, Model, OrderKind, OrderPlaces, RegisterRole, ResetStep, RunForm, StartWords,
+    StateText, ZeroWord,
 };
 use crate::domain::address::Address;
 use crate::domain::control::{BusFunctions, ControlAction};
@@ -111,6 +111,15 @@ impl RunCommand {
     }
 }
 
+/// A second source of a fact, whose document is independent of the first one.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SecondSource {
+    /// The fact, as the file calls it: `run.stop`, `register.run_command`.
+    pub key: String,
+    /// Document and place.
+    pub source: String,
+}
+
 /// A fact that stop, forward or the setpoint depends on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BasicFact<'m> {
@@ -124,92 +133,16 @@ pub struct BasicFact<'m> {
     pub also: Option<&'m str>,
 }
 
-impl Model {
-    /// The unproven facts behind stop, forward and the setpoint: words, and their registers. If there are any, a drive of
-    /// this model takes orders only if [`ControlAction::Basic`] is accepted.
+impl BasicFact<'_> {
+    /// What it is and how well it is known: `stop (third-party)`, `stop (third-party, two independent sources)`.
     #[must_use]
-    pub fn unproven_basics(&self) -> Vec<BasicFact<'_>> {
-        let mut basics = self.basics();
-        basics.retain(|basic| !basic.confidence.is_proven());
-        basics
-    }
-
-    /// All facts behind stop, forward and the setpoint; none if it takes no orders.
-    #[must_use]
-    pub fn basics(&self) -> Vec<BasicFact<'_>> {
-        let Some(run) = &self.run else {
-            return Vec::new();
+    pub fn described(&self) -> String {
+        let second = if self.also.is_some() {
+            ", two independent sources"
+        } else {
+            ""
         };
-        let mut basics = Vec::new();
-        let mut add = |what: &'static str, key: &str, confidence, source| {
-            basics.push(BasicFact {
-                what,
-                confidence,
-                source,
-                also: self.second_source(key),
-            });
-        };
-        for (what, key, fact) in [
-            ("stop", "run.stop", &run.stop),
-            ("forward", "run.forward", &run.forward),
-        ] {
-            add(what, key, fact.confidence, fact.source.as_str());
-        }
-        if let Some(direction) = &run.places.direction {
-            add(
-                "direction",
-                "run.direction",
-                direction.confidence,
-                direction.source.as_str(),
-            );
-        }
-        for step in &run.start.steps {
-            add(
-                "start",
-                "run.start",
-                step.write.confidence,
-                step.write.source.as_str(),
-            );
-        }
-        if let Some(fact) = &run.start.take_back {
-            add(
-                "take_back",
-                "run.take_back",
-                fact.confidence,
-                fact.source.as_str(),
-            );
-        }
-        let registers = [
-            ("the run command's register", RegisterRole::RunCommand),
-            (
-                "the frequency command's register",
-                RegisterRole::FrequencyCommand,
-            ),
-        ];
-        for (what, role) in registers {
-            let Some(register) = self.register_for(role) else {
-                continue;
-            };
-            let is_inferred = register.not_stated.contains(&FactPart::Writing);
-            let confidence = if is_inferred {
-                Confidence::Inferred
-            } else {
-                register.confidence
-            };
-            basics.push(BasicFact {
-                what,
-                confidence: confidence.max(register.confidence),
-                source: &register.source,
-                also: self.second_source(&format!("register.{}", register.name)),
-            });
-        }
-        basics
-    }
-
-    /// Whether a drive of this model takes orders at all, given the `accepted` unproven actions.
-    #[must_use]
-    pub fn may_be_ordered(&self, accepted: &[ControlAction]) -> bool {
-        accepted.contains(&ControlAction::Basic) || self.unproven_basics().is_empty()
+        format!("{} ({}{second})", self.what, self.confidence.keyword())
     }
 }
 

@@ -1,6 +1,6 @@
 //! The words by which a drive takes over or stores what was written to its parameters.
 
-use super::{Fact, Model};
+use super::Fact;
 use crate::domain::address::Address;
 
 /// What such a word does.
@@ -58,33 +58,5 @@ impl CommitWords {
     /// All stated words.
     pub fn all(&self) -> impl Iterator<Item = &Fact<CommitWord>> {
         self.apply.iter().chain(&self.store)
-    }
-}
-
-impl Model {
-    /// The word that has this effect; `None` if the model has none or it is unproven, because then it is never sent.
-    #[must_use]
-    pub fn commit(&self, effect: CommitEffect) -> Option<&CommitWord> {
-        self.commit
-            .stated(effect)
-            .filter(|fact| fact.confidence.is_proven())
-            .map(|fact| &fact.value)
-    }
-
-    /// The word that follows what a person at the host sets: the one that stores, else the one that applies.
-    #[must_use]
-    pub fn last_commit(&self) -> Option<&CommitWord> {
-        self.commit(CommitEffect::Store)
-            .or_else(|| self.commit(CommitEffect::Apply))
-    }
-
-    /// The proven word with which `value` at `address` takes over or stores parameters.
-    #[must_use]
-    pub fn commit_at(&self, address: Address, value: u16) -> Option<&CommitWord> {
-        let all = [CommitEffect::Store, CommitEffect::Apply]
-            .into_iter()
-            .filter_map(|effect| self.commit(effect));
-        all.into_iter()
-            .find(|word| word.address == address && word.value == value)
     }
 }

@@ -1,7 +1,6 @@
 //! Which registers are parameters that a tool may restore, and which of them it writes last or never.
 
-use super::{Model, Register, RegisterRole};
-use crate::domain::address::{Address, DataTable};
+use super::{Register, RegisterRole};
 
 /// How a tool that restores parameters treats a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -74,26 +73,6 @@ impl Register {
     #[must_use]
     pub fn label(&self) -> &str {
         self.code.as_deref().unwrap_or(&self.name)
-    }
-}
-
-impl Model {
-    /// The readable holding registers with a vendor code, in order of address.
-    pub fn parameters(&self) -> impl Iterator<Item = &Register> {
-        let is_parameter =
-            |it: &&Register| it.address.table() == DataTable::Holding && it.access.can_read();
-        self.registers
-            .iter()
-            .filter(is_parameter)
-            .filter(|register| register.code.is_some())
-    }
-
-    /// Whether `word` at `address` satisfies an item of the set-up.
-    #[must_use]
-    pub fn is_set_up_by(&self, address: Address, word: u16) -> bool {
-        self.setup
-            .iter()
-            .any(|item| item.address == Some(address) && item.is_right(word))
     }
 }
 

@@ -1,6 +1,6 @@
 //! A start in several words: each is written once the drive shows the effect of the one before.
 
-use super::{Fact, Model};
+use super::Fact;
 use crate::domain::address::Address;
 use std::time::Duration;
 
@@ -46,29 +46,5 @@ impl StartStep {
                 .until
                 .as_ref()
                 .map_or(Duration::ZERO, |until| until.within)
-    }
-}
-
-impl Model {
-    /// The steps before the run word.
-    #[must_use]
-    pub fn start_steps(&self) -> &[StartStep] {
-        self.run.as_ref().map_or(&[], |run| &run.start.steps)
-    }
-
-    /// The word that takes back a start; `None` if the model starts by the run word alone.
-    #[must_use]
-    pub fn start_take_back(&self) -> Option<u16> {
-        let run = self
-            .run
-            .as_ref()
-            .filter(|run| !run.start.steps.is_empty())?;
-        Some(run.start.take_back.as_ref().unwrap_or(&run.stop).value)
-    }
-
-    /// The longest time that passes between the first word of a start and the run word.
-    #[must_use]
-    pub fn start_waits(&self) -> Duration {
-        self.start_steps().iter().map(|step| step.longest()).sum()
     }
 }

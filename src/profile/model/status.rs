@@ -1,6 +1,6 @@
 //! Status, trips, exceptions, quirks, and the exchanges that rule out late replies.
 
-use super::{Confidence, Fact, Model, RamAlias, Register, RegisterRole};
+use super::{Confidence, Fact};
 use crate::domain::address::Address;
 use std::time::Duration;
 
@@ -167,42 +167,6 @@ impl StateText {
     }
 }
 
-impl Model {
-    /// Whether run state, standstill or trips are read at `address`: without it stops and trips are seen later, or not.
-    #[must_use]
-    pub fn is_essential(&self, address: Address) -> bool {
-        let output = self
-            .register_for(RegisterRole::OutputFrequency)
-            .map(|register| register.address);
-        let trips = self.trip_register().map(|register| register.address);
-        let mut flags = self
-            .status
-            .iter()
-            .filter(|flag| !flag.flag.is_permission())
-            .map(|flag| flag.address);
-        output == Some(address) || trips == Some(address) || flags.any(|flag| flag == address)
-    }
-
-    /// The register that shows the states of the drive's own state machine.
-    #[must_use]
-    pub fn state_register(&self) -> Option<&Register> {
-        self.registers
-            .iter()
-            .find(|register| !register.states.is_empty())
-    }
-
-    /// The vendor's words for the state that `word` of that register shows, marked if they are unproven; `None` if the model
-    /// does not know it.
-    #[must_use]
-    pub fn drive_state(&self, word: u16) -> Option<String> {
-        let states = &self.state_register()?.states;
-        states
-            .iter()
-            .find(|state| word & state.mask == state.value)
-            .map(|state| state.text.clone())
-    }
-}
-
 /// A text for every word that has this value under the mask.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MaskedText {
@@ -279,4 +243,40 @@ pub struct DriveQuirks {
     pub deaf_after_reset: Option<Fact<Duration>>,
     /// The drive needs this pause before each request.
     pub pause_before_request: Option<Fact<Duration>>,
+}
+
+/// A rule for the RAM form of a stored register: its address with other bits under a mask. The value is the same; written
+/// there, it acts at once and is lost with the power.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RamAlias {
+    /// The bits that tell both forms apart.
+    pub mask: u16,
+    /// The bits under the mask in addresses of stored registers that have a RAM form.
+    pub from: u16,
+    /// The bits under the mask in addresses of the RAM form.
+    pub to: u16,
+    /// Whether the form can be read as well.
+    pub is_readable: bool,
+}
+
+impl RamAlias {
+    /// The RAM form of the register at `number`; `None` if it has none.
+    #[must_use]
+    pub const fn form_of(self, number: u16) -> Option<u16> {
+        if number & self.mask == self.from {
+            Some(number & !self.mask | self.to)
+        } else {
+            None
+        }
+    }
+
+    /// The register whose RAM form is at `number`; `None` if none can be there.
+    #[must_use]
+    pub const fn register_of(self, number: u16) -> Option<u16> {
+        if number & self.mask == self.to {
+            Some(number & !self.mask | self.from)
+        } else {
+            None
+        }
+    }
 }
