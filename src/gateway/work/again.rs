@@ -1,7 +1,7 @@
 //! Repeated orders to stop: whether the drive's readings confirm that there is nothing to stop, and which client keeps
 //! stopping it although others start it.
 
-use super::sums::UsageSums;
+use super::usage::UsageSums;
 use super::{DriveWork, Out};
 use crate::domain::address::Address;
 use crate::domain::command::{CommandRequest, Order, Owner, RunIntent};
@@ -43,7 +43,7 @@ impl DriveWork {
     /// Sets the drive's poll pace.
     #[must_use]
     pub fn polled(self, pace: PollPace) -> Self {
-        let usage = UsageSums::new(&self.model, pace);
+        let usage = UsageSums::new(self.drive, &self.model, pace);
         let mut polled = Self {
             pace,
             usage,

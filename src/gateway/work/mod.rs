@@ -16,15 +16,11 @@ mod outside_watch;
 mod pass;
 mod readings;
 mod remembered;
-mod reset;
 mod rows;
 mod sight;
 mod standing;
-mod start;
-mod sums;
+mod taken_back;
 mod usage;
-mod view;
-mod watchdog;
 
 use super::execution::CommandExecution;
 use super::outbox::EffectOutbox;
@@ -41,7 +37,8 @@ use crate::drive::run_state::OutputWatch;
 use crate::drive::sight::DriveSight;
 use crate::drive::status::StatusWatch;
 use crate::drive::trips::TripWatch;
-use crate::drive::view::{StatusView, StoppedAgain};
+use crate::drive::usage::UsageView;
+use crate::drive::view::{ControlView, RunState, StatusView, StoppedAgain};
 use crate::drive::watchdog::{WatchdogRange, WatchdogWatch};
 use crate::guard::{DriveFacts, DriveGuard};
 use crate::profile::model::{IndicatedState, Model};
@@ -56,7 +53,7 @@ use standing::StandingWord;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
-use sums::UsageSums;
+use usage::UsageSums;
 
 /// Maximum number of commands per drive that wait for the one in execution.
 pub const COMMANDS_MAX: usize = 8;
@@ -226,7 +223,7 @@ impl DriveWork {
             followed: FollowWatch::default(),
             is_stopped_elsewhere: false,
             outside: OutsideWatch::default(),
-            usage: UsageSums::new(model, PollPace::new(Duration::ZERO, 1.0)),
+            usage: UsageSums::new(drive, model, PollPace::new(Duration::ZERO, 1.0)),
             has_changed: true,
         }
     }
@@ -297,6 +294,61 @@ impl DriveWork {
             .control()
             .map_or(BusFunctions::Both, |control| control.bus);
         self.status.view().of(bus)
+    }
+
+    /// The run state of the drive.
+    #[must_use]
+    pub fn run_state(&self, is_offline: bool) -> RunState {
+        if is_offline {
+            RunState::Offline
+        } else if self.trips.is_contradicted() {
+            RunState::Unknown
+        } else if self.trips.view().active == Some(true) {
+            RunState::Tripped
+        } else {
+            self.output
+                .run_state(&self.status, self.ordered(), self.is_stopping)
+        }
+    }
+
+    /// Control, as shown to clients; `None` without a control section.
+    #[must_use]
+    pub fn control_view(&self) -> Option<ControlView> {
+        let guard = &self.guard;
+        guard.control()?;
+        Some(ControlView {
+            lease: guard.lease(),
+            intent: guard.intent(),
+            setpoint: guard.setpoint(),
+            start_inhibited: guard.is_start_inhibited(),
+            command_pending: self.has_orders(),
+            stop_pending: self.latch.is_some(),
+            not_effective: self
+                .latch
+                .as_ref()
+                .is_some_and(|latch| latch.is_late() || latch.is_refused()),
+            output_outside: self.outside.is_told,
+            stopped_elsewhere: self.is_stopped_elsewhere,
+            failsafe: guard.fail_safe(),
+            epoch: guard.epoch(),
+            last: self.last,
+            commands: self.commands,
+            stopped_again: self
+                .again
+                .filter(|again| again.times >= StoppedAgain::TOLD_FROM),
+        })
+    }
+
+    /// What it has used, as it is shown.
+    #[must_use]
+    pub const fn usage_view(&self) -> UsageView {
+        self.usage.view()
+    }
+
+    /// Sets all sums of what it has used back to 0, because `owner` has requested it.
+    pub fn reset_usage(&mut self, owner: Owner, out: Out<'_>) {
+        self.usage.reset(owner, out);
+        self.has_changed = true;
     }
 
     /// A full scale that is to be read again, if it has just changed.

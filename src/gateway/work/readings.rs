@@ -6,6 +6,7 @@ use crate::domain::address::Address;
 use crate::domain::command::{Outcome, Reason, Report, RunIntent};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
+use crate::drive::snapshot::DriveSnapshot;
 use crate::drive::view::{TripEvent, TripEventKind};
 use crate::gateway::event::LineEffect;
 use crate::gateway::note::DriveNote;
@@ -103,6 +104,29 @@ impl DriveWork {
             let event = self.trips.take_unsure(address, words);
             self.trip(event, out);
         }
+    }
+
+    /// Words were read from the drive at `read_at`, and `snapshot` has them.
+    pub fn take_usage(&mut self, snapshot: &DriveSnapshot, read_at: MonoTime, out: Out<'_>) {
+        if self.status_at.max(self.output.at()) == Some(read_at) {
+            self.usage.take_running(self.runs(), read_at);
+        }
+        self.usage.take_readings(snapshot, out);
+    }
+
+    /// Whether the motor turns or the drive is ordered to run; `None` if that is not known.
+    fn runs(&self) -> Option<bool> {
+        let is_at_rest = self.status.is_running() == Some(false) || self.output.raw() == Some(0);
+        if self.is_moving() {
+            Some(true)
+        } else {
+            is_at_rest.then_some(false)
+        }
+    }
+
+    /// The drive has stopped answering.
+    pub(super) fn usage_out_of_sight(&mut self, out: Out<'_>) {
+        self.usage.out_of_sight(out);
     }
 
     /// The output frequency of the last reading.
@@ -223,7 +247,7 @@ impl DriveWork {
             self.guard.lost_touch(out.now());
             self.cut_motion(Reason::Tripped, out);
         }
-        self.count_trips(&events, out);
+        self.usage.count_trips(&events, out);
         self.keep_trips(&events, out);
         events
             .into_iter()

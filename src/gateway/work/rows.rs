@@ -64,7 +64,7 @@ impl DriveWork {
     /// Everything up to `row` is durable.
     pub fn kept(&mut self, row: RowNumber) {
         self.has_changed |= self.kept.pictures.kept(row);
-        self.has_changed |= self.usage.totals.kept(row);
+        self.has_changed |= self.usage.kept(row);
         self.opening.take_if(|opening| opening.row <= row);
     }
 
@@ -164,7 +164,7 @@ impl DriveWork {
         }
         let unread = self.trips.tell_unread();
         self.trip(unread, out);
-        self.keep_usage(out);
+        self.usage.keep(out);
         let Some(latch) = &mut self.latch else { return };
         let report = latch.late_report();
         for mut waiter in std::mem::take(latch.waiters()) {
