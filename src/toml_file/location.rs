@@ -4,7 +4,7 @@ use crate::domain::problem::Problem;
 use std::ops::Range;
 
 /// The location of a key or value in a file.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct KeyLocation {
     /// The key as a path, `line[0].drive[2].station`; empty for the file itself.
     pub key: String,
@@ -54,9 +54,10 @@ pub struct LocatedValue<T> {
 }
 
 /// The result of reading an optional key.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub enum OptionalKey<T> {
     /// The file does not have the key.
+    #[default]
     Absent,
     /// The file has the key with an invalid value. The problem is already reported.
     Invalid,

@@ -26,6 +26,16 @@ impl WrongValue {
     }
 }
 
+impl From<(String, String)> for WrongValue {
+    /// From a description of the mistake, and what would be right.
+    fn from((what, right): (String, String)) -> Self {
+        Self {
+            what,
+            right: Some(right),
+        }
+    }
+}
+
 /// `text` as a message repeats it; one that may hold a password or its hash is not repeated.
 fn quoted(text: &str) -> String {
     let has_user = text
@@ -41,6 +51,7 @@ fn quoted(text: &str) -> String {
 /// A kind of value: how it is read, and what is right for it, in words.
 pub struct ValueKind<'k, T> {
     right: String,
+    notation: String,
     read: Box<Read<'k, T>>,
 }
 
@@ -51,6 +62,21 @@ impl<'k, T: 'k> ValueKind<'k, T> {
     #[must_use]
     pub fn right(&self) -> &str {
         &self.right
+    }
+
+    /// The valid values as a reference lists them: `1 to 9`.
+    #[must_use]
+    pub fn notation(&self) -> &str {
+        &self.notation
+    }
+
+    /// This kind, listed in a reference as `notation`.
+    #[must_use]
+    pub fn listed_as(self, notation: impl Into<String>) -> Self {
+        Self {
+            notation: notation.into(),
+            ..self
+        }
     }
 
     /// Reads `value`.
@@ -72,17 +98,35 @@ impl<'k, T: 'k> ValueKind<'k, T> {
     /// This kind, or the word `word`, which is read as `None`.
     #[must_use]
     pub fn or_word(self, word: &'static str) -> ValueKind<'k, Option<T>> {
-        ValueKind::new(
-            format!("\"{word}\" or {}", self.right),
-            move |value| match value {
+        ValueKind {
+            right: format!("\"{word}\" or {}", self.right),
+            notation: format!("\"{word}\", or {}", self.notation),
+            read: Box::new(move |value| match value {
                 DeValue::String(text) if text == word => Ok(None),
                 other => (self.read)(other).map(Some),
-            },
-        )
+            }),
+        }
+    }
+
+    /// The values of this kind turned by `turn`, which may refuse some.
+    #[must_use]
+    pub fn and_then<U>(self, turn: impl Fn(T) -> Result<U, WrongValue> + 'k) -> ValueKind<'k, U> {
+        ValueKind {
+            right: self.right,
+            notation: self.notation,
+            read: Box::new(move |value| turn((self.read)(value)?)),
+        }
+    }
+
+    /// The values of this kind turned by `turn`.
+    #[must_use]
+    pub fn map<U>(self, turn: impl Fn(T) -> U + 'k) -> ValueKind<'k, U> {
+        self.and_then(move |value| Ok(turn(value)))
     }
 
     fn new(right: String, read: impl Fn(&DeValue<'_>) -> Result<T, WrongValue> + 'k) -> Self {
         Self {
+            notation: right.clone(),
             right,
             read: Box::new(read),
         }
@@ -113,6 +157,21 @@ impl<'k, T: Copy + 'k> ValueKind<'k, T> {
                 right: near.map(|near| format!("\"{near}\"")),
             })
         })
+        .listed_as(listed(words))
+    }
+}
+
+/// `words` in quotes: `"none", "even" or "odd"`.
+fn listed<T>(words: &[(&str, T)]) -> String {
+    let mut list: Vec<_> = words
+        .iter()
+        .map(|(word, _)| format!("\"{word}\""))
+        .collect();
+    let last = list.pop().unwrap_or_default();
+    if list.is_empty() {
+        last
+    } else {
+        format!("{} or {last}", list.join(", "))
     }
 }
 
@@ -137,6 +196,7 @@ impl<'k, T: Copy + 'k> ValueKind<'k, T> {
                 .map(|(_, value)| *value)
                 .ok_or_else(|| WrongValue::new(format!("{} is not an allowed value", quoted(text))))
         })
+        .listed_as(listed(words))
     }
 }
 
@@ -144,8 +204,11 @@ impl<'k, T: Copy + TryFrom<i64> + Into<i64> + Display + 'k> ValueKind<'k, T> {
     /// A whole number in `range`.
     #[must_use]
     pub fn number(range: RangeInclusive<T>) -> Self {
-        let right = format!("a whole number from {} to {}", range.start(), range.end());
+        let (least, most): (i64, i64) = ((*range.start()).into(), (*range.end()).into());
+        let right = format!("a whole number from {least} to {most}");
+        let between = if least + 1 == most { "or" } else { "to" };
         Self::new(right, move |value| in_range(value, &range))
+            .listed_as(format!("{least} {between} {most}"))
     }
 }
 
@@ -169,6 +232,7 @@ impl ValueKind<'_, String> {
                 text => Ok(text.to_owned()),
             }
         })
+        .listed_as("text")
     }
 }
 
@@ -190,23 +254,22 @@ impl ValueKind<'_, f64> {
     /// A number in `range`, with or without a decimal point.
     #[must_use]
     pub fn decimal(range: RangeInclusive<f64>) -> Self {
-        Self::new(
-            format!("a number from {} to {}", range.start(), range.end()),
-            move |value| {
-                let text = match value {
-                    DeValue::Float(float) => float.as_str(),
-                    DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str(),
-                    other => {
-                        return Err(WrongValue::new(format!(
-                            "must be a number, not {}",
-                            kind_of(other)
-                        )));
-                    }
-                };
-                let number = text.parse().ok().filter(|number| range.contains(number));
-                number.ok_or_else(|| WrongValue::new(format!("{text} is out of range")))
-            },
-        )
+        let list = format!("{} to {}", range.start(), range.end());
+        Self::new(format!("a number from {list}"), move |value| {
+            let text = match value {
+                DeValue::Float(float) => float.as_str(),
+                DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str(),
+                other => {
+                    return Err(WrongValue::new(format!(
+                        "must be a number, not {}",
+                        kind_of(other)
+                    )));
+                }
+            };
+            let number = text.parse().ok().filter(|number| range.contains(number));
+            number.ok_or_else(|| WrongValue::new(format!("{text} is out of range")))
+        })
+        .listed_as(list)
     }
 }
 
@@ -216,26 +279,25 @@ impl ValueKind<'_, Duration> {
     pub fn duration(range: RangeInclusive<Duration>) -> Self {
         let least = duration_text(*range.start());
         let most = duration_text(*range.end());
-        Self::new(
-            format!("a time from \"{least}\" to \"{most}\""),
-            move |value| {
-                let DeValue::String(text) = value else {
-                    return Err(WrongValue::new(format!(
-                        "must be a time with its unit as text, not {}",
-                        kind_of(value)
-                    )));
-                };
-                match parse_duration(text) {
-                    None => Err(WrongValue::new(format!(
-                        "`{text}` is not a time; the units are ms, s, min, h"
-                    ))),
-                    Some(time) if !range.contains(&time) => {
-                        Err(WrongValue::new(format!("{text} is out of range")))
-                    }
-                    Some(time) => Ok(time),
+        let list = format!("\"{least}\" to \"{most}\"");
+        Self::new(format!("a time from {list}"), move |value| {
+            let DeValue::String(text) = value else {
+                return Err(WrongValue::new(format!(
+                    "must be a time with its unit as text, not {}",
+                    kind_of(value)
+                )));
+            };
+            match parse_duration(text) {
+                None => Err(WrongValue::new(format!(
+                    "`{text}` is not a time; the units are ms, s, min, h"
+                ))),
+                Some(time) if !range.contains(&time) => {
+                    Err(WrongValue::new(format!("{text} is out of range")))
                 }
-            },
-        )
+                Some(time) => Ok(time),
+            }
+        })
+        .listed_as(list)
     }
 }
 
