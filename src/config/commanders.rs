@@ -3,10 +3,7 @@
 use super::file::{ConfigFile, ControlFile, DriveFile, HttpFile, LineFile, ListenerFile, MqttFile};
 use super::listen::may_be_written;
 use super::listener_tls;
-use super::mqtt::{
-    AFTER_UNNOTICED, DEFAULT_COMMAND_TTL, DEFAULT_LEASE, DEFAULT_PROBE_INTERVAL,
-    least_restart_delay,
-};
+use super::mqtt::{AFTER_UNNOTICED, least_restart_delay};
 use super::ready::MqttSettings;
 use super::units::DriveUnits;
 use super::words::{CommandInterface, RoleRight};
@@ -123,10 +120,7 @@ fn sparkplug_reaches(
         );
         return;
     };
-    let lease = mqtt
-        .lease
-        .or(DEFAULT_LEASE)
-        .and_then(|default| control.lease.or(default));
+    let lease = mqtt.lease().and_then(|default| control.lease.or(default));
     if lease == Some(LeaseMode::Session) && matches!(sparkplug.primary_host, OptionalKey::Absent) {
         let what =
             "a session lease of a Sparkplug host lasts while it is online, and no host is named";
@@ -184,13 +178,11 @@ fn tells_old_from_new(control: &ControlFile, mqtt: Option<&MqttFile>, problems: 
     let (Some(mqtt), Some(_)) = (mqtt, by_broker) else {
         return;
     };
-    if control.strict.or(false) != Some(false) {
+    if control.strict() != Some(false) {
         return;
     }
-    let (Some(delay), Some(interval)) = (
-        control.restart_delay.valid(),
-        mqtt.probe_interval.or(DEFAULT_PROBE_INTERVAL),
-    ) else {
+    let (Some(delay), Some(interval)) = (control.restart_delay.valid(), mqtt.probe_interval())
+    else {
         return;
     };
     let least = least_restart_delay(interval);
@@ -253,8 +245,7 @@ fn outlasts(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<P
         return;
     };
     let ttl = mqtt
-        .command_ttl
-        .or(DEFAULT_COMMAND_TTL)
+        .command_ttl()
         .filter(|ttl| *ttl > COMMAND_DEADLINE && *lost_after <= *ttl);
     if let Some(ttl) = ttl {
         let lease = duration_text(*lost_after);
@@ -264,17 +255,11 @@ fn outlasts(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<P
         ));
         problems.push(problem.right(format!("more than \"{ttl}\", or a shorter `command_ttl`")));
     }
-    if mqtt
-        .lease
-        .or(DEFAULT_LEASE)
-        .and_then(|default| control.lease.or(default))
-        != Some(LeaseMode::Session)
-    {
+    if mqtt.lease().and_then(|default| control.lease.or(default)) != Some(LeaseMode::Session) {
         return;
     }
     let Some(least) = mqtt
-        .probe_interval
-        .or(DEFAULT_PROBE_INTERVAL)
+        .probe_interval()
         .map(|probe| probe * MqttSettings::PROBES)
     else {
         return;

@@ -10,9 +10,7 @@ use super::standby;
 use super::watchdog;
 use super::words::CommandInterface;
 use crate::domain::command::Direction;
-use crate::domain::control::{
-    BusFunctions, ControlAction, ControlSettings, FailSafe, OnOutputOutside, Ownership,
-};
+use crate::domain::control::{ControlAction, ControlSettings, FailSafe};
 use crate::domain::frequency::Hertz;
 use crate::domain::problem::Problem;
 use crate::domain::standby::OnGatewayLost;
@@ -69,40 +67,34 @@ pub(super) fn settle(
         from_modbus_tcp: file.names(CommandInterface::ModbusTcp).is_some(),
         from_page: file.names(CommandInterface::Page).is_some(),
         from_sparkplug: file.names(CommandInterface::Sparkplug).is_some(),
-        bus: file.bus.or(BusFunctions::Both)?,
+        bus: file.bus()?,
         least,
         most,
         directions: directions?,
-        reverse_below: file.reverse_below.or(Hertz::ZERO)?,
+        reverse_below: file.reverse_below()?,
         on_commander_lost: file.on_commander_lost.as_ref()?.value,
         lost_after: file.lost_after.as_ref()?.value,
         on_shutdown: file.on_shutdown.as_ref()?.value,
-        on_output_outside: file.on_output_outside.or(OnOutputOutside::Alarm)?,
+        on_output_outside: file.on_output_outside()?,
         accept_unverified,
         site,
-        qualify: file.qualify.or(false)?,
-        allow_release: file.allow_release.or(false)?,
-        strict: file.strict.or(false)?,
+        qualify: file.qualify()?,
+        allow_release: file.allow_release()?,
+        strict: file.strict()?,
         restart_delay: file.restart_delay.or(defaults.restart_delay)?,
-        stop_effect_timeout: file
-            .stop_effect_timeout
-            .or(ControlSettings::STOP_EFFECT_TIMEOUT)?,
-        stop_pending_for: file
-            .stop_pending_for
-            .or(ControlSettings::STOP_PENDING_FOR)?,
+        stop_effect_timeout: file.stop_effect_timeout()?,
+        stop_pending_for: file.stop_pending_for()?,
         native_write: native_write?,
         stored_write_interval: native::stored_write_interval(drive)?,
         stores_native_writes: native::stores(drive)?,
-        ownership: file.ownership.or(Ownership::One)?,
-        allow_take: file.allow_take.or(false)?,
+        ownership: file.ownership()?,
+        allow_take: file.allow_take()?,
         lease: file.lease.or(defaults.lease)?,
-        min_start_interval: file.min_start_interval.or(Duration::ZERO)?,
-        require_watchdog: file.require_watchdog.or(false)?,
+        min_start_interval: file.min_start_interval()?,
+        require_watchdog: file.require_watchdog()?,
         watchdog: file.watchdog.clone().optional()?,
         on_gateway_lost: on_gateway_lost?,
-        failsafe_confirm_timeout: file
-            .failsafe_confirm_timeout
-            .or(ControlSettings::FAILSAFE_CONFIRM_TIMEOUT)?,
+        failsafe_confirm_timeout: file.failsafe_confirm_timeout()?,
     })))
 }
 
@@ -536,7 +528,7 @@ fn none_of(model: &Model, action: ControlAction, location: &KeyLocation) -> Prob
 }
 
 fn may_release(file: &ControlFile) -> bool {
-    file.allow_release.or(false).unwrap_or(true)
+    file.allow_release().unwrap_or(true)
 }
 
 /// Reports at `place` that `action` is missing, or unproven and not accepted. `instead` does not need the action. A

@@ -45,8 +45,8 @@ pub(super) fn settle(
         listen: http.listen.as_ref()?.value,
         allow: http.allow.clone().optional()?,
         hosts: hosts?,
-        view: http.view.or(PageViewers::Anyone)?,
-        setup: http.setup.or(false)?,
+        view: http.view()?,
+        setup: http.setup()?,
         users: users.into_iter().collect::<Option<_>>()?,
         tls,
     })
@@ -268,7 +268,7 @@ fn ready_user(user: &HttpUserFile, problems: &mut Vec<Problem>) -> Option<UserSe
         ),
     };
     let rights = UserRights {
-        role: user.role.or(UserRole::Maintain)?,
+        role: user.role()?,
         groups,
     };
     Some(UserSettings {

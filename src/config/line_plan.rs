@@ -14,9 +14,6 @@ use crate::toml_file::values::duration_text;
 use crate::wire::signal;
 use std::time::Duration;
 
-/// Default maximum age of a line's fast values.
-pub(super) const DEFAULT_STATUS_AGE: Duration = Duration::from_secs(5);
-
 /// Times of a line, and whether they are allowed only on a pseudo-terminal.
 #[must_use]
 pub fn timing(line: &LineSettings) -> (LineTiming, bool) {

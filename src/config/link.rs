@@ -42,7 +42,7 @@ pub(super) fn settle(
         line,
         models,
         &line.framing,
-        Framing::Rtu,
+        line.framing(),
         &FRAMING,
         problems,
     );
@@ -50,7 +50,7 @@ pub(super) fn settle(
         line,
         models,
         &line.interface,
-        Interface::Rs485,
+        line.interface(),
         &INTERFACE,
         problems,
     );
@@ -94,7 +94,7 @@ fn data_bits(
                 line,
                 models,
                 &line.data_bits,
-                DEFAULT_DATA_BITS,
+                Some(DEFAULT_DATA_BITS),
                 &DATA_BITS.part,
                 problems,
             )
@@ -173,28 +173,20 @@ const STOP_BITS: FactoryPart<u8> = FactoryPart {
     factory: |link| link.stop_bits,
 };
 
-/// The value of a part that has a fixed default.
+/// `value`, which is `given` or a fixed default, if every model supports it.
 fn choose<T: Copy + PartialEq>(
     line: &LineFile,
     models: &[OnLine],
     given: &OptionalKey<T>,
-    default: T,
+    value: Option<T>,
     part: &LinkPart<T>,
     problems: &mut Vec<Problem>,
 ) -> Option<T> {
-    match given {
-        OptionalKey::Absent => possible(
-            &line.location.missing(part.name),
-            models,
-            default,
-            part,
-            problems,
-        ),
-        OptionalKey::Invalid => None,
-        OptionalKey::Valid(written) => {
-            possible(&written.location, models, written.value, part, problems)
-        }
-    }
+    let location = match given {
+        OptionalKey::Valid(written) => written.location.clone(),
+        _ => line.location.missing(part.name),
+    };
+    possible(&location, models, value?, part, problems)
 }
 
 /// The value of a part that defaults to the models' common factory setting.

@@ -13,8 +13,6 @@ use std::collections::BTreeSet;
 use std::net::{IpAddr, SocketAddr};
 use std::time::Duration;
 
-/// Default interval of TCP keep-alive probes.
-pub(super) const DEFAULT_KEEP_ALIVE: Duration = Duration::from_secs(60);
 /// Shorter times are a mistake, except 0, which means none.
 const TIMEOUT_LEAST: Duration = Duration::from_secs(1);
 

@@ -1,7 +1,7 @@
 //! The configuration file, from its text to ready values or to all its problems at once. Opens nothing.
 //!
-//! `read` takes the values as written (`file`), each with its location, and refuses every key that is not in the
-//! table of [`keys`]. `resolve` fills in defaults and checks the rules between keys: `link` compares lines with their
+//! `file` declares the tables with their keys, takes the values as written, each with its location, and refuses every other
+//! key. `resolve` makes them ready and checks the rules between keys: `link` compares lines with their
 //! models, `control` and `native` check what may be commanded and written, `mqtt` checks the broker, `line_plan` the cost
 //! of polls, `listen` the listeners with their roles (`listener_tls`), `http` the page and its users, `units` the units of
 //! drives, `standby` the second gateway, `commanders` whether commands can arrive at all. Neither stops at the first mistake. A key without effect (on
@@ -19,7 +19,6 @@ mod file;
 mod full_scale;
 mod host;
 mod http;
-pub mod keys;
 pub mod line_plan;
 mod link;
 mod listen;
@@ -31,7 +30,6 @@ mod points;
 mod port;
 pub mod qualified;
 mod ratings;
-mod read;
 pub mod ready;
 mod ready_broker;
 mod ready_http;
@@ -63,7 +61,8 @@ pub use secrets::without_secrets;
 
 use crate::domain::problem::Problem;
 use crate::profile::catalog::Catalog;
-use crate::toml_file::LocatedValue;
+use crate::toml_file::{LocatedValue, OptionalKey};
+use file::ConfigFile;
 use qualified::QualifiedResults;
 use resolve::KnownModels;
 use std::path::PathBuf;
@@ -94,13 +93,17 @@ pub fn serial_port_address(text: &str) -> Result<PortAddress, String> {
 /// location. Empty if they are unusable, which loading reports.
 #[must_use]
 pub fn model_dirs(text: &str) -> Vec<LocatedValue<PathBuf>> {
-    read::model_dirs(text)
+    match file::gateway(text).map(|gateway| gateway.model_dirs) {
+        Some(OptionalKey::Valid(dirs)) => dirs.value,
+        _ => Vec::new(),
+    }
 }
 
 /// The data directory of `text`; `None` if it names none, or no usable one, which loading reports.
 #[must_use]
 pub fn data_dir(text: &str) -> Option<PathBuf> {
-    read::data_dir(text)
+    let dir = file::gateway(text)?.data_dir;
+    dir.valid().map(|dir| dir.value.clone())
 }
 
 /// Loads the configuration in `text`, with the models of `catalog`, where nothing was tried at any drive.
@@ -150,7 +153,7 @@ pub fn problems_without_some_models(text: &str, catalog: &Catalog) -> Vec<Proble
 
 fn with_models(text: &str, models: KnownModels<'_>) -> Result<Config, Vec<Problem>> {
     let mut problems = Vec::new();
-    let file = read::read(text, &mut problems);
+    let file = ConfigFile::read(text, &mut problems);
     let config = file.and_then(|file| resolve::resolve(&file, models, &mut problems));
     problems.sort_by_key(|problem| problem.span.start);
     secrets::hide_in(&mut problems, text);

@@ -1,4 +1,4 @@
-//! The broker connection: defaults, and rules between its keys.
+//! The broker connection: its ready settings, and rules between its keys.
 
 use super::broker::BrokerAddress;
 use super::client_ids;
@@ -11,25 +11,12 @@ use super::ready::{
 use super::words::CommandInterface;
 use crate::domain::control::ControlSettings;
 use crate::domain::problem::Problem;
-use crate::north::broker::{MqttVersion, Qos, unnoticed};
+use crate::north::broker::{MqttVersion, unnoticed};
 use crate::north::mqtt::{HomeAssistant, LeaseMode, TopicTree};
 use crate::toml_file::values::duration_text;
 use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
 use std::path::PathBuf;
 use std::time::Duration;
-
-const DEFAULT_PREFIX: &str = "vfd";
-/// Home Assistant's default discovery prefix.
-const DEFAULT_DISCOVERY_PREFIX: &str = "homeassistant";
-/// Home Assistant's default status topic.
-const DEFAULT_ALIVE_TOPIC: &str = "homeassistant/status";
-const DEFAULT_HEARTBEAT: Duration = Duration::from_secs(60);
-const DEFAULT_MAX_COMMAND_AGE: Duration = Duration::from_secs(10);
-const DEFAULT_KEEP_SPARKPLUG: u32 = 10_000;
-const DEFAULT_KEEP_ALIVE: Duration = Duration::from_secs(15);
-pub(super) const DEFAULT_PROBE_INTERVAL: Duration = Duration::from_secs(1);
-pub(super) const DEFAULT_COMMAND_TTL: Duration = Duration::from_secs(1);
-pub(super) const DEFAULT_LEASE: LeaseMode = LeaseMode::Session;
 
 /// Margin by which `restart_delay` exceeds the longest unnoticed delay of a message, so that a delayed message is not
 /// mistaken for one sent after a stop.
@@ -64,7 +51,7 @@ impl Default for DriveDefaults {
 pub(super) fn defaults(file: &ConfigFile) -> DriveDefaults {
     let mqtt = file.mqtt.valid().map(|mqtt| &mqtt.value);
     let least = mqtt
-        .and_then(|mqtt| mqtt.probe_interval.or(DEFAULT_PROBE_INTERVAL))
+        .and_then(MqttFile::probe_interval)
         .map(least_restart_delay);
     let restart_delay = least
         .unwrap_or_default()
@@ -116,8 +103,7 @@ pub(super) fn probed_often(file: &MqttFile, whole: &ConfigFile, problems: &mut V
 /// What renews an MQTT lease if a drive has no setting of its own.
 fn default_lease(file: &ConfigFile) -> LeaseMode {
     let mqtt = file.mqtt.valid().map(|mqtt| &mqtt.value);
-    mqtt.and_then(|mqtt| mqtt.lease.or(DEFAULT_LEASE))
-        .unwrap_or(DEFAULT_LEASE)
+    mqtt.and_then(MqttFile::lease).unwrap_or_default()
 }
 
 /// What renews the leases of the drives: the session, if it renews that of any drive.
@@ -162,27 +148,27 @@ pub(super) fn settle(
     }
     discovery_prefix(file, problems);
     announced_is_published(file, problems);
-    file.lease.or(DEFAULT_LEASE)?;
-    let alive_topic = file.alive_topic.or(Some(DEFAULT_ALIVE_TOPIC.to_owned()))?;
+    file.lease()?;
+    let alive_topic = file.alive_topic()?;
     Some(MqttSettings {
         broker: broker(file)?,
         credentials: credentials(file)?,
         client_id: file.client_id.clone().optional()?,
-        version: file.version.or(MqttVersion::V5)?,
-        subscription_qos: file.subscription_qos.or(Qos::AtLeastOnce)?,
-        prefix: file.prefix.or(DEFAULT_PREFIX.to_owned())?,
-        heartbeat: file.heartbeat.or(DEFAULT_HEARTBEAT)?,
-        keep_alive: file.keep_alive.or(DEFAULT_KEEP_ALIVE)?,
+        version: file.version()?,
+        subscription_qos: file.subscription_qos()?,
+        prefix: file.prefix()?,
+        heartbeat: file.heartbeat()?,
+        keep_alive: file.keep_alive()?,
         lease,
         alive_topic: if lease == LeaseMode::Session {
             alive_topic
         } else {
             None
         },
-        probe_interval: file.probe_interval.or(DEFAULT_PROBE_INTERVAL)?,
-        command_ttl: file.command_ttl.or(DEFAULT_COMMAND_TTL)?,
+        probe_interval: file.probe_interval()?,
+        command_ttl: file.command_ttl()?,
         response_prefix: file.response_prefix.clone().optional()?,
-        keep_telemetry: file.keep_telemetry.or(0)?,
+        keep_telemetry: file.keep_telemetry()?,
         publish: publish(file)?,
         home_assistant: home_assistant(file)?,
         sparkplug: sparkplug(file)?,
@@ -190,32 +176,15 @@ pub(super) fn settle(
 }
 
 fn home_assistant(file: &MqttFile) -> Option<Option<HomeAssistant>> {
-    let Some(HomeAssistantFile {
-        discovery,
-        prefix,
-        devices,
-        combined,
-        page,
-    }) = file.home_assistant.clone().optional()?
-    else {
+    let Some(file) = file.home_assistant.clone().optional()? else {
         return Some(None);
     };
-    let discovery = discovery?.value;
-    let devices = devices.or(false)?;
-    let combined = match &combined {
-        OptionalKey::Absent => Vec::new(),
-        list => lists::values(list)?,
-    };
-    let (prefix, page) = (
-        prefix.or(DEFAULT_DISCOVERY_PREFIX.to_owned())?,
-        page.optional()?,
-    );
     Some(Some(HomeAssistant {
-        discovery,
-        prefix,
-        devices,
-        combined,
-        page,
+        discovery: file.discovery.as_ref()?.value,
+        prefix: file.prefix()?,
+        devices: file.devices()?,
+        combined: lists::values(&file.combined)?,
+        page: file.page.optional()?,
     }))
 }
 
@@ -229,8 +198,8 @@ fn sparkplug(file: &MqttFile) -> Option<Option<SparkplugSettings>> {
         group: file.group.as_ref()?.value.clone(),
         primary_host: file.primary_host.clone().optional()?,
         client_id: file.client_id.clone().optional()?,
-        max_command_age: file.max_command_age.or(DEFAULT_MAX_COMMAND_AGE)?,
-        keep_telemetry: file.keep_telemetry.or(DEFAULT_KEEP_SPARKPLUG)?,
+        max_command_age: file.max_command_age()?,
+        keep_telemetry: file.keep_telemetry()?,
     }))
 }
 
@@ -394,29 +363,22 @@ fn plain_password(file: &MqttFile, problems: &mut Vec<Problem>) {
     let others = file.also_at.valid().map_or(&[][..], |list| &list.value);
     let stays = |node: &LocatedValue<BrokerAddress>| node.value.is_tls() || node.value.is_local();
     let is_exposed = secret.is_some() && !others.iter().chain([broker]).all(stays);
-    match &file.allow_plain_password {
-        OptionalKey::Valid(allowed) if allowed.value && !is_exposed => {
-            let what = "has no effect: no user or password is sent unencrypted over the network";
-            problems.push(
-                allowed
-                    .location
-                    .problem(what)
-                    .right("leave it out")
-                    .warning(),
-            );
-        }
-        OptionalKey::Valid(LocatedValue { value: true, .. }) | OptionalKey::Invalid => {}
-        OptionalKey::Absent | OptionalKey::Valid(_) if is_exposed => {
-            let problem = broker
-                .location
-                .problem("user and password would be sent unencrypted over the network");
-            problems.push(
-                problem.right(
-                    "`mqtts://`, or `allow_plain_password = true` on a network that you trust",
-                ),
-            );
-        }
-        OptionalKey::Absent | OptionalKey::Valid(_) => {}
+    if let OptionalKey::Valid(allowed) = &file.allow_plain_password
+        && allowed.value
+        && !is_exposed
+    {
+        let what = "has no effect: no user or password is sent unencrypted over the network";
+        let problem = allowed.location.problem(what).right("leave it out");
+        problems.push(problem.warning());
+    }
+    if is_exposed && file.allow_plain_password() == Some(false) {
+        let problem = broker
+            .location
+            .problem("user and password would be sent unencrypted over the network");
+        problems.push(
+            problem
+                .right("`mqtts://`, or `allow_plain_password = true` on a network that you trust"),
+        );
     }
 }
 
@@ -481,10 +443,7 @@ fn discovery_prefix(file: &MqttFile, problems: &mut Vec<Problem>) {
     let Some(home_assistant) = file.home_assistant.valid() else {
         return;
     };
-    let (Some(prefix), Some(own)) = (
-        home_assistant.value.prefix.valid(),
-        file.prefix.or(DEFAULT_PREFIX.to_owned()),
-    ) else {
+    let (Some(prefix), Some(own)) = (home_assistant.value.prefix.valid(), file.prefix()) else {
         return;
     };
     if prefix
@@ -496,7 +455,10 @@ fn discovery_prefix(file: &MqttFile, problems: &mut Vec<Problem>) {
             "`{}` lies among the gateway's own topics",
             prefix.value
         ));
-        problems.push(problem.right(format!("the discovery prefix that Home Assistant is set to: \"{DEFAULT_DISCOVERY_PREFIX}\" unless it was changed there")));
+        let usual = HomeAssistantFile::default().prefix().unwrap_or_default();
+        problems.push(problem.right(format!(
+            "the discovery prefix that Home Assistant is set to: \"{usual}\" unless it was changed there"
+        )));
     }
 }
 
@@ -552,10 +514,8 @@ fn idle(file: &MqttFile, lease: LeaseMode, problems: &mut Vec<Problem>) {
                 .warning(),
         );
     }
-    if let (Some(prefix), Some(MqttVersion::V4)) = (
-        location(&file.response_prefix),
-        file.version.or(MqttVersion::V5),
-    ) {
+    if let (Some(prefix), Some(MqttVersion::V4)) = (location(&file.response_prefix), file.version())
+    {
         let problem = prefix.problem("has no effect: MQTT 3.1.1 has no response topics");
         problems.push(problem.right("leave it out, or version = 5").warning());
     }

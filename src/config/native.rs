@@ -63,7 +63,7 @@ pub(super) fn stores(drive: &DriveFile) -> Option<bool> {
     match &drive.native {
         OptionalKey::Absent => Some(false),
         OptionalKey::Invalid => None,
-        OptionalKey::Valid(native) => native.value.store.or(false),
+        OptionalKey::Valid(native) => native.value.store(),
     }
 }
 
@@ -91,10 +91,7 @@ pub(super) fn stored_write_interval(drive: &DriveFile) -> Option<Duration> {
     match &drive.native {
         OptionalKey::Absent => Some(ControlSettings::STORED_WRITE_INTERVAL),
         OptionalKey::Invalid => None,
-        OptionalKey::Valid(native) => native
-            .value
-            .stored_write_interval
-            .or(ControlSettings::STORED_WRITE_INTERVAL),
+        OptionalKey::Valid(native) => native.value.stored_write_interval(),
     }
 }
 

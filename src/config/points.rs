@@ -139,9 +139,8 @@ pub(super) fn idle(file: &ConfigFile, problems: &mut Vec<Problem>) {
         return;
     };
     let has_values = publish.contains(&TopicTree::Values);
-    let is_any_shown = has_values
-        || publish.contains(&TopicTree::State)
-        || written.keep_telemetry.or(0) != Some(0);
+    let is_any_shown =
+        has_values || publish.contains(&TopicTree::State) || written.keep_telemetry() != Some(0);
     for drive in file.lines.iter().flat_map(|line| &line.drives) {
         let tables = [
             (

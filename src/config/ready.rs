@@ -76,14 +76,6 @@ pub struct JournalSettings {
     pub max_bytes: u64,
 }
 
-impl Default for JournalSettings {
-    fn default() -> Self {
-        Self {
-            max_bytes: 64_000_000,
-        }
-    }
-}
-
 /// One serial line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LineSettings {

@@ -1,13 +1,13 @@
 //! Turns the configuration as written into ready values: defaults, models, and the rules between keys.
 
-use super::file::{ConfigFile, DriveFile, JournalFile, LineFile, ListenerFile};
+use super::file::{ConfigFile, DriveFile, LineFile, ListenerFile};
 use super::full_scale;
 use super::link::{self, OnLine, SettledLink};
 use super::mqtt::DriveDefaults;
 use super::qualified::{FILE_NAME, QualifiedResults, QualifiedStanding};
 use super::ready::{
-    Config, DriveSettings, GatewaySettings, JournalSettings, LineSettings, LineSilence,
-    ListenerSettings, PortAddress, RemovalRule,
+    Config, DriveSettings, GatewaySettings, JournalSettings, LineSettings, ListenerSettings,
+    PortAddress,
 };
 use super::units::{self, DriveUnits};
 use super::{
@@ -16,11 +16,10 @@ use super::{
 };
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::Station;
-use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface};
+use crate::domain::link::{DirectionControl, Framing, Interface};
 use crate::domain::problem::{Problem, alternatives, nearest_names};
 use crate::domain::standby::StandbyPair;
 use crate::drive::description::{DriveRatings, PointSettings};
-use crate::north::modbus::ConnectionLimits;
 use crate::profile::catalog::Catalog;
 use crate::profile::model::Model;
 use crate::profile::register::with_extra;
@@ -28,9 +27,6 @@ use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
-
-/// Default poll period of a drive.
-const DEFAULT_POLL: Duration = Duration::from_millis(500);
 
 /// The models that a configuration may name.
 #[derive(Clone, Copy)]
@@ -96,15 +92,13 @@ pub(super) fn resolve(
         &served[file.listeners.len().min(served.len())..],
         problems,
     );
-    let journal = whole(&file.journal, |journal| {
-        ready_journal(journal, file, problems)
-    });
+    let journal = ready_journal(file, problems);
     Some(Config {
-        journal: journal?.unwrap_or_default(),
+        journal: journal?,
         gateway: GatewaySettings {
             name: file.gateway.name.clone().optional()?,
             data_dir: file.gateway.data_dir.clone().optional()?,
-            on_removal: file.gateway.on_removal.or(RemovalRule::Refuse)?,
+            on_removal: file.gateway.on_removal()?,
         },
         standby: pair?,
         lines: ready.into_iter().collect::<Option<Vec<_>>>()?,
@@ -135,12 +129,10 @@ fn site_is_known(file: &ConfigFile, models: KnownModels<'_>, problems: &mut Vec<
 }
 
 /// A journal requires a data directory.
-fn ready_journal(
-    journal: &JournalFile,
-    file: &ConfigFile,
-    problems: &mut Vec<Problem>,
-) -> Option<JournalSettings> {
-    if matches!(file.gateway.data_dir, OptionalKey::Absent) {
+fn ready_journal(file: &ConfigFile, problems: &mut Vec<Problem>) -> Option<JournalSettings> {
+    if let (OptionalKey::Valid(journal), OptionalKey::Absent) =
+        (&file.journal, &file.gateway.data_dir)
+    {
         let problem = journal
             .location
             .problem("has no effect: there is no journal without a data directory");
@@ -150,8 +142,9 @@ fn ready_journal(
                 .warning(),
         );
     }
+    let journal = file.journal.clone().optional()?.unwrap_or_default();
     Some(JournalSettings {
-        max_bytes: journal.max_size.or(JournalSettings::default().max_bytes)?,
+        max_bytes: journal.max_size()?,
     })
 }
 
@@ -450,7 +443,7 @@ fn ready_line(
     } = parts.settled?;
     let shared = LineDefaults {
         framing,
-        reply_timeout: line.reply_timeout.or(None)?,
+        reply_timeout: line.reply_timeout()?,
         max_lateness: line.port.as_ref()?.value.max_lateness(),
     };
     let drives = line.drives.iter().zip(parts.drives).zip(units);
@@ -461,25 +454,21 @@ fn ready_line(
         port: line.port.as_ref()?.value.clone(),
         link,
         interface,
-        direction: line.direction.or(DirectionControl::Adapter).map(|turned| {
+        direction: line.direction().map(|turned| {
             if is_turned {
                 turned
             } else {
                 DirectionControl::Adapter
             }
         })?,
-        low_latency: line.low_latency.or(true)?,
+        low_latency: line.low_latency()?,
         framing,
-        echo: line.echo.or(EchoPolicy::Refuse)?,
-        silence: line.silence.or(LineSilence::Auto)?,
-        min_request_gap: line.min_request_gap.or(Duration::ZERO)?,
+        echo: line.echo()?,
+        silence: line.silence()?,
+        min_request_gap: line.min_request_gap()?,
         reply_timeout: shared.reply_timeout,
-        max_status_age: line.max_status_age.or(line_plan::DEFAULT_STATUS_AGE)?,
-        standby: if line.standby.or(false)? {
-            pair?.clone()
-        } else {
-            None
-        },
+        max_status_age: line.max_status_age()?,
+        standby: if line.standby()? { pair?.clone() } else { None },
         drives: drives.collect::<Option<Vec<_>>>()?,
     })
 }
@@ -509,7 +498,7 @@ fn ready_drive(
         unit: units.native?,
         uniform_unit: units.uniform?,
         group: drive.group.clone().optional()?,
-        poll: drive.poll.or(DEFAULT_POLL)?,
+        poll: drive.poll()?,
         reply_timeout: drive.reply_timeout.or(line.reply_timeout)?,
         max_lateness: drive.max_lateness.or(model
             .timing
@@ -545,8 +534,8 @@ fn ready_listener(listener: &ListenerFile, served: BTreeSet<usize>) -> Option<Li
         lines,
         write,
         stop,
-        reads_renew: listener.reads_renew.or(false)?,
-        cached: listener.cached.or(false)?,
+        reads_renew: listener.reads_renew()?,
+        cached: listener.cached()?,
         units: match &listener.units {
             OptionalKey::Absent => None,
             given => Some(lists::values(given)?),
@@ -557,10 +546,8 @@ fn ready_listener(listener: &ListenerFile, served: BTreeSet<usize>) -> Option<Li
             .optional()?
             .map(|most| most as usize),
         priority: lists::values(&listener.priority)?,
-        idle_timeout: Some(listener.idle_timeout.or(ConnectionLimits::IDLE_TIMEOUT)?)
-            .filter(|time| !time.is_zero()),
-        keep_alive: Some(listener.keep_alive.or(listen::DEFAULT_KEEP_ALIVE)?)
-            .filter(|time| !time.is_zero()),
+        idle_timeout: Some(listener.idle_timeout()?).filter(|time| !time.is_zero()),
+        keep_alive: Some(listener.keep_alive()?).filter(|time| !time.is_zero()),
         tls,
     })
 }

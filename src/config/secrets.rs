@@ -335,10 +335,8 @@ mod tests {
             let said = format!("{problems:?}").to_lowercase();
             assert!(!said.contains("hunter2"), "{text}: {said}");
         }
-        let known = crate::config::keys::KEYS
-            .iter()
-            .map(|key| key.name)
-            .filter(|key| is_secret_key(key));
+        let known = crate::config::file::reference::names().into_iter();
+        let known = known.filter(|key| is_secret_key(key));
         assert!(
             known.clone().all(|key| key.contains("password")),
             "{:?}",

@@ -13,9 +13,6 @@ use std::collections::BTreeSet;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
-/// What masters usually wait for.
-const DEFAULT_ANSWER_WITHIN: Duration = Duration::from_millis(100);
-
 /// The ready serial masters; `served` holds the indices of the lines that each reaches. `None`: see `problems`.
 pub(super) fn settle(
     file: &ConfigFile,
@@ -51,7 +48,7 @@ fn one(
     }
     may_stop(serial, problems);
     may_renew(serial, problems);
-    let framing = serial.framing.or(Framing::Rtu);
+    let framing = serial.framing();
     if let (OptionalKey::Valid(bits), Some(Framing::Rtu)) = (&serial.data_bits, framing)
         && bits.value != 8
     {
@@ -67,13 +64,13 @@ fn one(
     may_turn(serial, is_tcp, problems);
     let link = LinkSettings {
         baud: serial.baud.as_ref()?.value,
-        data_bits: serial.data_bits.or(8)?,
+        data_bits: serial.data_bits()?,
         parity: serial.parity.as_ref()?.value,
-        stop_bits: serial.stop_bits.or(1)?,
+        stop_bits: serial.stop_bits()?,
     };
     let framing = framing?;
     let answer_within = answer_within(serial, link, framing, problems)?;
-    let direction = serial.direction.or(DirectionControl::Adapter)?;
+    let direction = serial.direction()?;
     Some(SerialMasterSettings {
         name: serial.name.as_ref()?.value,
         port: serial.port.as_ref()?.value.clone(),
@@ -84,7 +81,7 @@ fn one(
         } else {
             direction
         },
-        low_latency: serial.low_latency.or(true)?,
+        low_latency: serial.low_latency()?,
         answer_within,
         serving: serving(serial, lines)?,
     })
@@ -121,9 +118,8 @@ fn may_turn(serial: &SerialFile, is_tcp: bool, problems: &mut Vec<Problem>) {
 
 /// Only who may write has a lease to renew.
 fn may_renew(serial: &SerialFile, problems: &mut Vec<Problem>) {
-    let may_write = !matches!(serial.allow_write.or(false), Some(false));
+    let may_write = !matches!(serial.allow_write(), Some(false));
     if let Some(renew) = serial
-        .serving
         .reads_renew
         .valid()
         .filter(|renew| renew.value && !may_write)
@@ -146,7 +142,7 @@ fn answer_within(
     framing: Framing,
     problems: &mut Vec<Problem>,
 ) -> Option<Duration> {
-    let answer_within = serial.answer_within.or(DEFAULT_ANSWER_WITHIN)?;
+    let answer_within = serial.answer_within()?;
     let least = serial::least_answer_within(link, framing);
     if answer_within < least {
         let location = match &serial.answer_within {
@@ -173,7 +169,7 @@ fn answer_within(
 }
 
 fn serving(serial: &SerialFile, lines: &BTreeSet<usize>) -> Option<ListenerSettings> {
-    let file = &serial.serving;
+    let file = serial.as_listener();
     Some(ListenerSettings {
         listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)),
         allow: None,
@@ -187,8 +183,8 @@ fn serving(serial: &SerialFile, lines: &BTreeSet<usize>) -> Option<ListenerSetti
             OptionalKey::Absent => None,
             given => Some(lists::values(given)?),
         },
-        reads_renew: file.reads_renew.or(false)?,
-        cached: file.cached.or(false)?,
+        reads_renew: serial.reads_renew()?,
+        cached: serial.cached()?,
         units: match &file.units {
             OptionalKey::Absent => None,
             given => Some(lists::values(given)?),

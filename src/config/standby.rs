@@ -19,7 +19,7 @@ pub(super) fn settle(
     file: &ConfigFile,
     problems: &mut Vec<Problem>,
 ) -> Option<StandbyPair> {
-    let is_on = |line: &LineFile| line.standby.or(false).unwrap_or(true);
+    let is_on = |line: &LineFile| line.standby().unwrap_or(true);
     if !file.lines.is_empty() && !file.lines.iter().any(is_on) {
         let problem = standby
             .location
@@ -43,8 +43,8 @@ pub(super) fn settle(
     Some(StandbyPair {
         half: half?.value.clone(),
         partner: partner?.value.clone(),
-        rank: standby.rank.or(0)?,
-        take_over_after: standby.take_over_after.or(None)?,
+        rank: standby.rank()?,
+        take_over_after: standby.take_over_after()?,
     })
 }
 
@@ -130,7 +130,7 @@ pub(super) fn on_lost(
     line: &LineFile,
     problems: &mut Vec<Problem>,
 ) -> Option<Option<OnGatewayLost>> {
-    let is_shared = line.standby.or(false)?;
+    let is_shared = line.standby()?;
     match &file.on_gateway_lost {
         OptionalKey::Invalid => None,
         OptionalKey::Absent if is_shared => {

@@ -1,30 +1,10 @@
-//! The reference lists every command, option and reason, and exactly the keys that there are: one list, and it is true.
+//! The reference lists every command, option and reason.
 //! The links of all documents lead somewhere.
 
 use super::rig::{text_of, vfd_gateway};
 use std::path::{Path, PathBuf};
-use vfd_gateway::config::keys::{ConfigKey, ConfigSection, KEYS};
 use vfd_gateway::domain::command::{Owner, Reason};
 use vfd_gateway::domain::ids::CommanderName;
-
-#[test]
-fn the_reference_has_every_key_as_the_program_has_it() {
-    let tables = text_of("docs/configuration.md");
-    for section in ConfigSection::ALL
-        .into_iter()
-        .filter(|section| *section != ConfigSection::Root)
-    {
-        let header = section.header();
-        let table = part(&tables, &format!("\n## `{header}`\n"), "\n## ");
-        let written: Vec<_> = table
-            .lines()
-            .filter(|line| line.starts_with("| `"))
-            .collect();
-        let keys = KEYS.iter().filter(|key| key.section == section);
-        let expected: Vec<_> = keys.map(row).collect();
-        assert_eq!(written, expected, "keys of {header}");
-    }
-}
 
 /// Uniform word 261 and `result` give a reason by its number and its word: the reference must say what each means.
 #[test]
@@ -235,32 +215,6 @@ fn options(help: &str) -> impl Iterator<Item = &str> {
     lines
         .flat_map(|line| line.split([' ', ',']))
         .filter(|word| word.starts_with("--"))
-}
-
-/// How the reference writes a key.
-fn row(key: &ConfigKey) -> String {
-    let default = key.default.unwrap_or("required");
-    format!(
-        "| `{}` | {} | {} | {} |",
-        key.name,
-        marked(key.kind),
-        marked(default),
-        marked(key.about)
-    )
-}
-
-/// `text` with everything that is in quotes marked as code.
-fn marked(text: &str) -> String {
-    let parts = text.split('"').enumerate();
-    parts
-        .map(|(index, part)| {
-            if index % 2 == 1 {
-                format!("`\"{part}\"`")
-            } else {
-                part.to_owned()
-            }
-        })
-        .collect()
 }
 
 /// From `begin` to the next `end`.

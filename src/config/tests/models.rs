@@ -38,7 +38,7 @@ fn settled(
 ) -> Result<(DriveRatings, Vec<u16>, bool), Vec<String>> {
     let text = with(&with(CONTROLLED, "[\"F007\"]", "[]"), from, to);
     let mut problems = Vec::new();
-    let file = read::read(&text, &mut problems).unwrap();
+    let file = ConfigFile::read(&text, &mut problems).unwrap();
     let (line, drive) = (&file.lines[0], &file.lines[0].drives[0]);
     let defaults = crate::config::mqtt::DriveDefaults::default();
     let control = crate::config::control::settle(

@@ -1,0 +1,78 @@
+//! The tables of the HTTP listener: `[http]`, `[[http.users]]` and `[http.tls]`.
+
+use super::super::ready_http::PageViewers;
+use super::super::words::{ROLES, VIEWERS};
+use super::declare::{declare_table, list, optional, required, table, tables};
+use super::kinds::{absolute_path, address, commander_name, name};
+use super::listener::allow;
+use crate::domain::ids::{CommanderName, Name};
+use crate::north::operator::rights::UserRole;
+use crate::toml_file::values::ValueKind;
+use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey};
+use ipnet::IpNet;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+declare_table! {
+    /// `[http]`
+    HttpFile is "[http]" at location {
+        /// Where the page, /metrics, /healthz and /readyz are served.
+        listen: RequiredKey<SocketAddr> = required(address("8080"));
+        /// Who may connect and see everything.
+        allow: OptionalKey<Vec<IpNet>> = allow(),
+            without "all clients, which are on this host: required unless the address is loopback";
+        /// Additional host names for the gateway in browsers, without a port. IP addresses are always accepted.
+        hosts: OptionalKey<Vec<LocatedValue<String>>> = list("host names", ValueKind::text()),
+            without "none but the host's own and `localhost`";
+        /// Who sees the drives on the page and below `/api/v1/`: every client in `allow`, or users who have signed in.
+        /// `/healthz`, `/readyz` and `/metrics` stay open to `allow`.
+        view: OptionalKey<PageViewers> =
+            optional(ValueKind::choice(&VIEWERS, PageViewers::meaning)), default "anyone";
+        /// Users with the role "setup" find drives and add lines in the page, which changes this file.
+        setup: OptionalKey<bool> = optional(ValueKind::flag()), default false;
+        /// Who may sign in and command. Requires `tls` unless the address is loopback.
+        users: Vec<HttpUserFile> = tables(HttpUserFile::read),
+            without "none: no commands from the page";
+        /// HTTPS instead of HTTP.
+        tls: OptionalKey<HttpTlsFile> = table(HttpTlsFile::read),
+            without "none: connections are not encrypted";
+    }
+}
+
+declare_table! {
+    /// One `[[http.users]]`.
+    HttpUserFile is "[[http.users]]" at location {
+        /// The name of the user, also in the audit.
+        name: RequiredKey<CommanderName> = required(commander_name());
+        /// The password as `vfd-gateway password` prints it.
+        password_hash: OptionalKey<String> = optional(ValueKind::text().listed_as("argon2id hash")),
+            without "`password_hash_file`";
+        /// The file with this text. One of the two is required.
+        password_hash_file: OptionalKey<PathBuf> = optional(absolute_path()),
+            without "`password_hash`";
+        /// What the user may do: look; command drives; everything that a plant in service needs, as saving diagnostics; or, with
+        /// `setup = true`, change the configuration as well.
+        role: OptionalKey<UserRole> = optional(ValueKind::choice(&ROLES, UserRole::meaning)),
+            default "maintain";
+        /// The groups whose drives the user may command. A stop works for all drives.
+        groups: OptionalKey<Vec<LocatedValue<Name>>> = list("groups of drives", name()),
+            without "all drives";
+    }
+}
+
+declare_table! {
+    /// `[http.tls]`
+    HttpTlsFile is "[http.tls]" {
+        /// The certificate of the gateway, with its intermediate certificates.
+        cert_file: RequiredKey<PathBuf> = required(absolute_path());
+        /// The key of that certificate.
+        key_file: RequiredKey<PathBuf> = required(absolute_path());
+    }
+}
+
+impl HttpFile {
+    /// Whether the configuration is changed in the page.
+    pub fn sets_up(&self) -> bool {
+        self.setup.valid().is_some_and(|written| written.value)
+    }
+}

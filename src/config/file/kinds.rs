@@ -1,0 +1,104 @@
+//! Kinds of values that several tables have.
+
+use super::super::port;
+use super::super::ready::PortAddress;
+use crate::domain::ids::{CommanderName, Name, UnitId};
+use crate::toml_file::values::{ValueKind, WrongValue};
+use ipnet::IpNet;
+use std::net::{IpAddr, SocketAddr};
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// A time of `count` milliseconds.
+pub const fn ms(count: u64) -> Duration {
+    Duration::from_millis(count)
+}
+
+/// A time of `count` seconds.
+pub const fn seconds(count: u64) -> Duration {
+    Duration::from_secs(count)
+}
+
+/// A time of `count` minutes.
+pub const fn minutes(count: u64) -> Duration {
+    seconds(count * 60)
+}
+
+/// A time of `count` hours.
+pub const fn hours(count: u64) -> Duration {
+    minutes(count * 60)
+}
+
+/// A name of a part of the plant.
+pub fn name() -> ValueKind<'static, Name> {
+    let most = Name::MAX_CHARS;
+    let right = format!("1 to {most} {}", Name::RULE);
+    ValueKind::parsed(right, Name::new).listed_as(format!("name of up to {most} characters"))
+}
+
+/// A name that may hold control.
+pub fn commander_name() -> ValueKind<'static, CommanderName> {
+    let most = CommanderName::MAX_CHARS;
+    let right = format!("1 to {most} {}", Name::RULE);
+    ValueKind::parsed(right, CommanderName::new)
+        .listed_as(format!("name of up to {most} characters"))
+}
+
+/// An absolute path.
+pub fn absolute_path() -> ValueKind<'static, PathBuf> {
+    ValueKind::parsed("an absolute path", |text| {
+        Some(PathBuf::from(text)).filter(|path| path.is_absolute())
+    })
+    .listed_as("absolute path")
+}
+
+/// A port of the gateway.
+pub fn port() -> ValueKind<'static, PortAddress> {
+    ValueKind::text().and_then(|text| port::parse(&text).map_err(WrongValue::from))
+}
+
+/// The speed of a serial port in bit/s.
+pub fn baud() -> ValueKind<'static, u32> {
+    let kind = ValueKind::number(300..=4_000_000);
+    let notation = format!("{} bit/s", kind.notation());
+    kind.listed_as(notation)
+}
+
+/// A unit of Modbus.
+pub fn unit() -> ValueKind<'static, UnitId> {
+    let right = "a unit from 1 to 247";
+    ValueKind::number(UnitId::MIN..=UnitId::MAX)
+        .and_then(move |unit| UnitId::new(unit).ok_or_else(|| WrongValue::new(right)))
+}
+
+/// An address with a port; `port` is used in the examples.
+pub fn address(port: &str) -> ValueKind<'static, SocketAddr> {
+    let right = format!("an address with a port: \"127.0.0.1:{port}\", \"[::1]:{port}\"");
+    ValueKind::parsed(right, |text| text.parse().ok()).listed_as("address:port")
+}
+
+/// A network in the notation address/bits. Host bits must be zero, because otherwise it may mean the network or
+/// the single host.
+pub fn network() -> ValueKind<'static, IpNet> {
+    ValueKind::text().and_then(|text| {
+        let (what, right) = match (text.parse::<IpNet>(), text.parse::<IpAddr>()) {
+            (Ok(network), _) if network.trunc() == network => return Ok(network),
+            (Ok(network), _) => {
+                let (host, network) = (IpNet::from(network.addr()), network.trunc());
+                (
+                    "is a host inside a network",
+                    format!("\"{network}\" for the network, \"{host}\" for the host"),
+                )
+            }
+            (_, Ok(host)) => (
+                "has no length",
+                format!("\"{}\" for this one host", IpNet::from(host)),
+            ),
+            _ => (
+                "is no network",
+                "an address and its length: \"10.0.0.0/24\", \"fd00::/64\"".to_owned(),
+            ),
+        };
+        Err((format!("`{text}` {what}"), right).into())
+    })
+}

@@ -1,0 +1,184 @@
+//! The configuration as written: each value with its location, before defaults and cross-checks.
+//!
+//! Each table is declared in one place, by `declare_table`: its keys with their types, valid values, defaults and purposes.
+
+mod control;
+mod declare;
+mod drive;
+mod http;
+mod kinds;
+mod line;
+mod listener;
+mod mqtt;
+#[cfg(test)]
+pub(super) mod reference;
+mod serial;
+
+pub(super) use control::{ControlFile, LimitsFile, NativeFile};
+pub(super) use drive::DriveFile;
+pub(super) use http::{HttpFile, HttpUserFile};
+pub(super) use line::LineFile;
+pub(super) use listener::{ListenerFile, ListenerTlsFile, RoleFile};
+pub(super) use mqtt::{HomeAssistantFile, MqttFile, SparkplugFile};
+pub(super) use serial::SerialFile;
+
+use super::ready::RemovalRule;
+use super::words::{REMOVALS, of_removal};
+use crate::domain::ids::Name;
+use crate::domain::problem::Problem;
+use crate::domain::standby::RANK_MAX;
+use crate::toml_file::values::ValueKind;
+use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader, document};
+use declare::{declare_table, each, inner, list, optional, required};
+use kinds::{absolute_path, minutes, name, seconds};
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// A configuration file.
+#[derive(Debug)]
+pub(super) struct ConfigFile {
+    pub gateway: GatewayFile,
+    pub journal: OptionalKey<JournalFile>,
+    pub standby: OptionalKey<StandbyFile>,
+    pub lines: Vec<LineFile>,
+    pub mqtt: OptionalKey<MqttFile>,
+    pub listeners: Vec<ListenerFile>,
+    pub serial: Vec<SerialFile>,
+    pub http: OptionalKey<HttpFile>,
+    /// What the serial masters are served, in the words of a listener.
+    served_masters: Vec<ListenerFile>,
+}
+
+declare_table! {
+    /// `[gateway]`
+    GatewayFile is "[gateway]" {
+        /// The name of the gateway in messages and topics.
+        name: OptionalKey<Name> = optional(name()), without "the host's name";
+        /// The directory for the journal, the remembered state and the local command socket. If it is missing, `run` creates it
+        /// in a directory of its own user; elsewhere the gateway says how to create it, and controls without it.
+        data_dir: OptionalKey<PathBuf> = optional(absolute_path()), without "none";
+        /// Directories with your own models (`*.toml`).
+        model_dirs: OptionalKey<Vec<LocatedValue<PathBuf>>> = list("absolute paths", absolute_path()),
+            without "none";
+        /// What a reload does if it would remove a drive that runs or is under control, or restart its line: refuse the reload,
+        /// or stop the drive first.
+        on_removal: OptionalKey<RemovalRule> = optional(ValueKind::choice(&REMOVALS, of_removal)),
+            default "refuse";
+    }
+}
+
+declare_table! {
+    /// `[journal]`
+    JournalFile is "[journal]" {
+        /// Maximum size of the journal file. When it is full, the oldest rows are deleted, trips last.
+        max_size: OptionalKey<u64> = optional(size_in_bytes()), default "64MB";
+    }
+}
+
+declare_table! {
+    /// `[standby]`
+    StandbyFile is "[standby]" at location {
+        /// The name of this gateway in the pair.
+        half: RequiredKey<Name> = required(half());
+        /// The name of the other gateway, for refusals and displays.
+        partner: RequiredKey<Name> = required(half());
+        /// By how many half seconds later than rank 0 it takes a line over. The gateways of a line must have different ranks.
+        rank: OptionalKey<u8> = optional(ValueKind::number(0..=RANK_MAX)), default 0;
+        /// Silence of the line after which rank 0 takes it over; at least what the line needs, which `check` prints. It should be
+        /// the same on both gateways.
+        take_over_after: OptionalKey<Option<Duration>> = optional(take_over_after()), default "auto";
+    }
+}
+
+impl ConfigFile {
+    /// Reads `text`, and reports every mistake of a table; `None` if it is not TOML, which is reported.
+    pub fn read(text: &str, problems: &mut Vec<Problem>) -> Option<Self> {
+        let document = document(text, problems)?;
+        let mut reader = TableReader::new(document.section(), problems);
+        let gateway = match inner(&mut reader, "gateway", GatewayFile::read) {
+            OptionalKey::Valid(gateway) => gateway.value,
+            OptionalKey::Absent => GatewayFile::default(),
+            OptionalKey::Invalid => GatewayFile {
+                model_dirs: OptionalKey::Invalid,
+                ..GatewayFile::default()
+            },
+        };
+        let journal = inner(&mut reader, "journal", JournalFile::read);
+        let standby = inner(&mut reader, "standby", StandbyFile::read);
+        let lines = each(&mut reader, "line", LineFile::read);
+        let mqtt = inner(&mut reader, "mqtt", MqttFile::read);
+        let listeners = each(&mut reader, "modbus_tcp", ListenerFile::read);
+        let serial = each(&mut reader, "modbus_rtu", SerialFile::read);
+        let http = inner(&mut reader, "http", HttpFile::read);
+        // A gateway that is set up in the page begins without a line.
+        if lines.is_empty() && !http.valid().is_some_and(|http| http.value.sets_up()) {
+            let missing = reader.location().missing("line");
+            let right = "`[[line]]` with `name`, `port` and at least one `[[line.drive]]`";
+            let problem = missing.problem("there is no line").right(right);
+            reader.problems().push(problem);
+        }
+        reader.finish();
+        Some(Self {
+            gateway,
+            journal,
+            standby,
+            lines,
+            mqtt,
+            listeners,
+            served_masters: serial.iter().map(SerialFile::as_listener).collect(),
+            serial,
+            http,
+        })
+    }
+
+    /// Everything that serves units to Modbus clients: first the listeners, then the serial masters.
+    pub fn units_servers(&self) -> Vec<&ListenerFile> {
+        self.listeners.iter().chain(&self.served_masters).collect()
+    }
+}
+
+/// The section of `text` about the gateway itself; `None` if it is not TOML, or has none.
+pub(super) fn gateway(text: &str) -> Option<GatewayFile> {
+    let mut problems = Vec::new();
+    let document = document(text, &mut problems)?;
+    let mut reader = TableReader::new(document.section(), &mut problems);
+    match inner(&mut reader, "gateway", GatewayFile::read) {
+        OptionalKey::Valid(gateway) => Some(gateway.value),
+        _ => None,
+    }
+}
+
+/// A size with its unit.
+fn size_in_bytes() -> ValueKind<'static, u64> {
+    let bytes = |text: &str| {
+        let (number, unit) = text.split_at(text.find(|c: char| !c.is_ascii_digit())?);
+        let unit = match unit {
+            "MB" => 1_000_000,
+            "GB" => 1_000_000_000,
+            _ => return None,
+        };
+        let bytes = number.parse::<u64>().ok()?.checked_mul(unit)?;
+        (1_000_000..=16_000_000_000)
+            .contains(&bytes)
+            .then_some(bytes)
+    };
+    ValueKind::parsed("a size from \"1MB\" to \"16GB\"", bytes).listed_as("\"1MB\" to \"16GB\"")
+}
+
+/// The name of a gateway in its pair. It is a part of client identifiers, which are short.
+fn half() -> ValueKind<'static, Name> {
+    const MOST: usize = 16;
+    let right = format!("1 to {MOST} {}", Name::RULE);
+    ValueKind::parsed(right, |text| {
+        if text.len() <= MOST {
+            Name::new(text)
+        } else {
+            None
+        }
+    })
+    .listed_as(format!("name of up to {MOST} characters"))
+}
+
+fn take_over_after() -> ValueKind<'static, Option<Duration>> {
+    ValueKind::duration(seconds(1)..=minutes(10)).or_word("auto")
+}
