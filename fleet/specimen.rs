@@ -22,7 +22,7 @@ use vfd_gateway::north::broker::{
     BrokerEvent, BrokerLimits, BrokerMessage, Publication, SessionLine,
 };
 use vfd_gateway::north::clock::ClockMoment;
-use vfd_gateway::north::mqtt::{MqttAct, MqttSession, Settings, TopicTree};
+use vfd_gateway::north::mqtt::{GatewayIdentity, MqttAct, MqttSession, Settings, TopicTree};
 use vfd_gateway::profile::model::Model;
 
 /// Most drives on one line, as RS-485 carries them.
@@ -189,10 +189,14 @@ fn birth(
     let name = config.gateway.name.clone().unwrap_or_else(Name::fallback);
     let settings = Settings {
         publish: publish.to_vec(),
-        ..mqtt.session(name, None)
+        ..mqtt.session.clone()
     };
-    let probe = format!("{}/{}/probe", settings.prefix, settings.gateway);
-    let mut session = MqttSession::new(settings, drives, names, at, 1);
+    let probe = format!("{}/{name}/probe", settings.prefix);
+    let gateway = GatewayIdentity {
+        name,
+        standby: None,
+    };
+    let mut session = MqttSession::new(gateway, settings, drives, names, at, 1);
     session.handle(
         at,
         BrokerEvent::Connected(BrokerLimits {

@@ -20,7 +20,8 @@ use vfd_gateway::north::broker::{
 };
 use vfd_gateway::north::clock::ClockMoment;
 use vfd_gateway::north::mqtt::{
-    CombinedEntity, HomeAssistant, LeaseMode, MqttAct, MqttSession, Settings, TopicTree,
+    CombinedEntity, GatewayIdentity, HomeAssistant, LeaseMode, MqttAct, MqttSession, Settings,
+    TopicTree,
 };
 
 const BASE: &str = "vfd/plant/";
@@ -61,8 +62,6 @@ pub fn run(bytes: &[u8]) {
 fn settings(flags: u8) -> Settings {
     Settings {
         prefix: "vfd".into(),
-        gateway: plant::name("plant"),
-        standby: None,
         version: if flags & 1 == 0 {
             MqttVersion::V4
         } else {
@@ -128,6 +127,10 @@ impl Rig {
         Self {
             views: views.collect(),
             session: MqttSession::new(
+                GatewayIdentity {
+                    name: plant::name("plant"),
+                    standby: None,
+                },
                 settings.clone(),
                 drives,
                 vec![plant::name("hall")],

@@ -12,7 +12,7 @@ use super::words::CommandInterface;
 use crate::domain::control::ControlSettings;
 use crate::domain::problem::Problem;
 use crate::north::broker::{MqttVersion, unnoticed};
-use crate::north::mqtt::{HomeAssistant, LeaseMode, TopicTree};
+use crate::north::mqtt::{HomeAssistant, LeaseMode, Settings, TopicTree};
 use crate::toml_file::values::duration_text;
 use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
 use std::path::PathBuf;
@@ -149,33 +149,42 @@ pub(super) fn settle(
     discovery_prefix(file, problems);
     announced_is_published(file, problems);
     file.lease()?;
-    let alive_topic = file.alive_topic()?;
     Some(MqttSettings {
         broker: broker(file)?,
         credentials: credentials(file)?,
         client_id: file.client_id.clone().optional()?,
-        version: file.version()?,
-        subscription_qos: file.subscription_qos()?,
-        prefix: file.prefix()?,
-        heartbeat: file.heartbeat()?,
         keep_alive: file.keep_alive()?,
+        session: session(file, whole, lease)?,
+        sparkplug: sparkplug(file)?,
+    })
+}
+
+/// What the session needs to know; `lease` is what renews the leases of the drives.
+fn session(file: &MqttFile, whole: &ConfigFile, lease: LeaseMode) -> Option<Settings> {
+    let alive_topic = file.alive_topic()?;
+    let probe_interval = file.probe_interval()?;
+    Some(Settings {
+        prefix: file.prefix()?,
+        version: file.version()?,
+        heartbeat: file.heartbeat()?,
+        subscription_qos: file.subscription_qos()?,
         lease,
         alive_topic: if lease == LeaseMode::Session {
             alive_topic
         } else {
             None
         },
-        probe_interval: file.probe_interval()?,
+        probe_interval,
+        probe_timeout: probe_interval * MqttSettings::PROBES,
         command_ttl: file.command_ttl()?,
         response_prefix: file.response_prefix.clone().optional()?,
         keep_telemetry: file.keep_telemetry()?,
         publish: publish(file)?,
-        home_assistant: home_assistant(file)?,
-        sparkplug: sparkplug(file)?,
+        home_assistant: home_assistant(file, whole)?,
     })
 }
 
-fn home_assistant(file: &MqttFile) -> Option<Option<HomeAssistant>> {
+fn home_assistant(file: &MqttFile, whole: &ConfigFile) -> Option<Option<HomeAssistant>> {
     let Some(file) = file.home_assistant.clone().optional()? else {
         return Some(None);
     };
@@ -184,7 +193,11 @@ fn home_assistant(file: &MqttFile) -> Option<Option<HomeAssistant>> {
         prefix: file.prefix()?,
         devices: file.devices()?,
         combined: lists::values(&file.combined)?,
-        page: file.page.optional()?,
+        page: match whole.standby {
+            OptionalKey::Absent => file.page.optional()?,
+            // Announcements must not depend on which gateway makes them, and each has a page of its own.
+            _ => None,
+        },
     }))
 }
 

@@ -324,7 +324,7 @@ impl ListenerSettings {
 pub fn command_deadline(control: &ControlSettings, mqtt: Option<&MqttSettings>) -> Duration {
     let by_broker = control.from_mqtt || control.from_sparkplug;
     let over_mqtt = match mqtt {
-        Some(mqtt) if by_broker => Some(mqtt.command_ttl),
+        Some(mqtt) if by_broker => Some(mqtt.session.command_ttl),
         _ => None,
     };
     let others = (control.from_modbus_tcp || control.from_page).then_some(COMMAND_DEADLINE);

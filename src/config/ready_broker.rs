@@ -2,8 +2,7 @@
 
 use crate::domain::ids::Name;
 use crate::domain::standby::StandbyPair;
-use crate::north::broker::{MqttVersion, Qos};
-use crate::north::mqtt::{HomeAssistant, LeaseMode, Settings, TopicTree};
+use crate::north::mqtt::Settings;
 use crate::north::sparkplug;
 use std::fmt;
 use std::path::PathBuf;
@@ -18,32 +17,10 @@ pub struct MqttSettings {
     pub credentials: Option<BrokerCredentials>,
     /// The client identifier. `None`: see [`Self::client_id`].
     pub client_id: Option<String>,
-    /// Protocol version.
-    pub version: MqttVersion,
-    /// QoS of the command subscriptions.
-    pub subscription_qos: Qos,
-    /// First levels of all topics, without a slash at either end.
-    pub prefix: String,
-    /// Interval after which an unchanged value is published again, 1 s to 1 h.
-    pub heartbeat: Duration,
     /// The keep-alive interval of MQTT, 5 s to 10 min, in whole seconds.
     pub keep_alive: Duration,
-    /// What renews the leases of MQTT clients: the session, if it renews that of any drive.
-    pub lease: LeaseMode,
-    /// A topic whose payload `offline` means that the clients are gone. `None`: none, as with explicit leases.
-    pub alive_topic: Option<String>,
-    /// Interval of probes of the path through the broker, 200 ms to 1 min.
-    pub probe_interval: Duration,
-    /// Default deadline of a command, 100 ms to 1 min; shorter than every lease.
-    pub command_ttl: Duration,
-    /// Prefix of the response topics that a requester may name. `None`: response topics are ignored.
-    pub response_prefix: Option<String>,
-    /// Maximum number of telemetry changes kept while the broker is unreachable, 0 to 100,000.
-    pub keep_telemetry: u32,
-    /// Optional topics to publish, each once.
-    pub publish: Vec<TopicTree>,
-    /// Discovery by Home Assistant. `None`: off.
-    pub home_assistant: Option<HomeAssistant>,
+    /// What the session with the broker needs to know.
+    pub session: Settings,
     /// Sparkplug B. `None`: off.
     pub sparkplug: Option<SparkplugSettings>,
 }
@@ -60,7 +37,7 @@ pub struct SparkplugSettings {
     /// Maximum age of a command by its timestamp, 1 s to 5 min.
     pub max_command_age: Duration,
     /// Maximum number of telemetry changes kept while no host is online, 0 to 100,000.
-    pub keep_telemetry: u32,
+    pub keep_telemetry: usize,
 }
 
 impl MqttSettings {
@@ -106,46 +83,16 @@ impl MqttSettings {
         Some(sparkplug::Settings {
             group: settings.group.clone(),
             primary_host: settings.primary_host.clone(),
-            version: self.version,
-            probe_topic: format!("{}/{gateway}/sparkplug/probe", self.prefix),
+            version: self.session.version,
+            probe_topic: format!("{}/{gateway}/sparkplug/probe", self.session.prefix),
             node: gateway,
             standby: has_standby,
-            probe_interval: self.probe_interval,
-            probe_timeout: self.probe_interval * Self::PROBES,
-            command_ttl: self.command_ttl,
+            probe_interval: self.session.probe_interval,
+            probe_timeout: self.session.probe_timeout,
+            command_ttl: self.session.command_ttl,
             max_command_age: settings.max_command_age,
-            keep_telemetry: usize::try_from(settings.keep_telemetry).unwrap_or(usize::MAX),
+            keep_telemetry: settings.keep_telemetry,
         })
-    }
-
-    /// The settings of the MQTT session for a gateway called `gateway`, which is one of `standby`, if there are several.
-    #[must_use]
-    pub fn session(&self, gateway: Name, standby: Option<StandbyPair>) -> Settings {
-        // Announcements must not depend on who makes them, and each has a page of its own.
-        let home_assistant = self.home_assistant.clone().map(|it| HomeAssistant {
-            page: match standby {
-                None => it.page.clone(),
-                Some(_) => None,
-            },
-            ..it
-        });
-        Settings {
-            prefix: self.prefix.clone(),
-            gateway,
-            standby,
-            version: self.version,
-            subscription_qos: self.subscription_qos,
-            heartbeat: self.heartbeat,
-            lease: self.lease,
-            alive_topic: self.alive_topic.clone(),
-            probe_interval: self.probe_interval,
-            probe_timeout: self.probe_interval * Self::PROBES,
-            command_ttl: self.command_ttl,
-            response_prefix: self.response_prefix.clone(),
-            keep_telemetry: usize::try_from(self.keep_telemetry).unwrap_or(usize::MAX),
-            publish: self.publish.clone(),
-            home_assistant,
-        }
     }
 }
 

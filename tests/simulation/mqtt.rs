@@ -15,7 +15,9 @@ use vfd_gateway::north::broker::{
     BrokerEvent, BrokerLimits, BrokerMessage, MqttVersion, Publication, Qos, SessionLine, ToLine,
 };
 use vfd_gateway::north::clock::ClockMoment;
-use vfd_gateway::north::mqtt::{LeaseMode, MqttAct, MqttSession, Settings, TopicTree};
+use vfd_gateway::north::mqtt::{
+    GatewayIdentity, LeaseMode, MqttAct, MqttSession, Settings, TopicTree,
+};
 
 /// The wall clock at the start of a world.
 const WALL_MS: i64 = 1_767_225_600_000;
@@ -65,8 +67,6 @@ impl MqttSide {
     pub fn new(world: &World) -> Self {
         let settings = Settings {
             prefix: "vfd".into(),
-            gateway: Name::new("plant").expect("a name"),
-            standby: None,
             version: MqttVersion::V5,
             heartbeat: Duration::from_secs(60),
             lease: LeaseMode::Session,
@@ -81,7 +81,12 @@ impl MqttSide {
             home_assistant: None,
         };
         let name = Name::new("line").expect("a name");
+        let gateway = GatewayIdentity {
+            name: Name::new("plant").expect("a name"),
+            standby: None,
+        };
         let session = MqttSession::new(
+            gateway,
             settings,
             world.descriptions.clone(),
             vec![name],

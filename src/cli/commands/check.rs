@@ -246,8 +246,8 @@ fn of_mqtt(mqtt: &MqttSettings, config: &Config) -> String {
     format!(
         "MQTT at {}: topics under {}/{gateway}, {} leases",
         mqtt.broker,
-        mqtt.prefix,
-        word_for(&LEASES, &mqtt.lease)
+        mqtt.session.prefix,
+        word_for(&LEASES, &mqtt.session.lease)
     )
 }
 

@@ -59,7 +59,7 @@ declare_table! {
         /// The prefix of the response topics that a requester may name; MQTT 5 only.
         response_prefix: OptionalKey<String> = optional(topics()), without "no responses";
         /// How many changes of run state, frequencies and measurements are kept while the broker is unreachable; 0 for none.
-        keep_telemetry: OptionalKey<u32> = optional(kept_changes()), default 0;
+        keep_telemetry: OptionalKey<usize> = optional(kept_changes()), default 0;
         /// Optional topics to publish.
         publish: OptionalKey<Vec<LocatedValue<TopicTree>>> = list_of_words(ValueKind::one_of(&TREES)),
             without "all of them";
@@ -111,7 +111,7 @@ declare_table! {
             default "10s";
         /// How many changes of run state, frequencies and measurements are kept while no host is online. Changes of trips are
         /// always kept.
-        keep_telemetry: OptionalKey<u32> = optional(kept_changes()), default 10000;
+        keep_telemetry: OptionalKey<usize> = optional(kept_changes()), default 10000;
     }
 }
 
@@ -158,8 +158,8 @@ fn qos() -> ValueKind<'static, Qos> {
 }
 
 /// A number of kept changes: at most about ten megabytes.
-fn kept_changes() -> ValueKind<'static, u32> {
-    ValueKind::number(0..=100_000)
+fn kept_changes() -> ValueKind<'static, usize> {
+    ValueKind::number(0..=100_000_u32).map(|count| count as usize)
 }
 
 /// The protocol uses whole seconds for this time.

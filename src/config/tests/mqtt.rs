@@ -31,44 +31,35 @@ fn a_broker_is_all_that_must_be_named() {
         (
             found.credentials.clone(),
             found.client_id.clone(),
-            found.version
+            found.session.version
         ),
         (None, None, MqttVersion::V5)
     );
     assert_eq!(
-        (found.prefix.as_str(), found.lease),
+        (found.session.prefix.as_str(), found.session.lease),
         ("vfd", LeaseMode::Session)
     );
+    assert_eq!(found.session.subscription_qos, Qos::AtLeastOnce);
     assert_eq!(
-        found
-            .session(Name::new("x").unwrap(), None)
-            .subscription_qos,
-        Qos::AtLeastOnce
-    );
-    assert_eq!(
-        (found.heartbeat, found.keep_alive),
+        (found.session.heartbeat, found.keep_alive),
         (Duration::from_secs(60), Duration::from_secs(15))
     );
     assert_eq!(
-        (found.probe_interval, found.command_ttl),
+        (found.session.probe_interval, found.session.command_ttl),
         (Duration::from_secs(1), Duration::from_secs(1))
     );
-    assert_eq!(found.home_assistant, None);
+    assert_eq!(found.session.home_assistant, None);
     assert_eq!(
         (
-            found.alive_topic.as_deref(),
-            &found.response_prefix,
-            found.keep_telemetry
+            found.session.alive_topic.as_deref(),
+            &found.session.response_prefix,
+            found.session.keep_telemetry
         ),
         (Some("homeassistant/status"), &None, 0)
     );
     let name = Name::new("plant-a").unwrap();
     assert_eq!(found.client_id(&name, None), "vfd-gateway-plant-a");
-    let session = found.session(name.clone(), None);
-    assert_eq!(
-        (session.gateway, session.probe_timeout),
-        (name, Duration::from_secs(3))
-    );
+    assert_eq!(found.session.probe_timeout, Duration::from_secs(3));
     assert_eq!(good(MINIMAL).mqtt, None);
     only(
         &format!("{MINIMAL}[mqtt]"),
@@ -106,12 +97,7 @@ fn everything_that_is_written_is_taken() {
             tls
         }
     );
-    assert_eq!(
-        found
-            .session(Name::new("x").unwrap(), None)
-            .subscription_qos,
-        Qos::AtMostOnce
-    );
+    assert_eq!(found.session.subscription_qos, Qos::AtMostOnce);
     assert_eq!(found.broker.to_string(), "mqtts://[fd00::7]:8883");
     let password = Some(PasswordSource::File(PathBuf::from("/run/secrets/mqtt")));
     assert_eq!(
@@ -124,17 +110,17 @@ fn everything_that_is_written_is_taken() {
     assert_eq!(
         (
             found.client_id(&Name::new("x").unwrap(), None).as_str(),
-            found.alive_topic
+            found.session.alive_topic
         ),
         ("gw", None)
     );
     let explicit = mqtt(&over("embedded", "version = 4\nlease = 'explicit'"));
     assert_eq!(
-        (explicit.broker, explicit.version),
+        (explicit.broker, explicit.session.version),
         (BrokerSettings::Embedded, MqttVersion::V4)
     );
     assert_eq!(
-        (explicit.lease, explicit.alive_topic),
+        (explicit.session.lease, explicit.session.alive_topic),
         (LeaseMode::Explicit, None)
     );
     let from_env = mqtt(&over(
@@ -440,6 +426,7 @@ fn what_is_announced_to_home_assistant_is_published() {
 fn discovery_by_home_assistant_is_taken_and_checked() {
     let found = |written: &str| {
         mqtt(&over("embedded", &format!("home_assistant = {written}")))
+            .session
             .home_assistant
             .unwrap()
     };

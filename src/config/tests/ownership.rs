@@ -85,7 +85,7 @@ fn a_drives_lease_goes_before_that_of_the_broker() {
         // The way through the broker keeps leases if it keeps that of any drive.
         let found = good(&text).mqtt.unwrap();
         assert_eq!(
-            (found.lease, found.alive_topic.is_some()),
+            (found.session.lease, found.session.alive_topic.is_some()),
             (lease, lease == Session),
             "{mqtt:?} {drive:?}"
         );

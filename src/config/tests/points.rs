@@ -124,8 +124,11 @@ fn heartbeats_and_decimals_are_those_of_polled_registers() {
 
 #[test]
 fn what_is_published_is_listed() {
-    let listed = |list: &str| good(&publishing(list, "")).mqtt.unwrap().publish;
-    assert_eq!(good(CONTROLLED).mqtt.unwrap().publish, TopicTree::ALL);
+    let listed = |list: &str| good(&publishing(list, "")).mqtt.unwrap().session.publish;
+    assert_eq!(
+        good(CONTROLLED).mqtt.unwrap().session.publish,
+        TopicTree::ALL
+    );
     assert_eq!(listed("[]"), []);
     assert_eq!(
         listed("['values', 'state']"),

@@ -14,7 +14,7 @@ use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
 use crate::north::broker::{BrokerEvent, OversizedPublication, Publication, SessionLine, ToLine};
 use crate::north::clock::ClockMoment;
-use crate::north::mqtt::{MqttAct, MqttSession, Settings};
+use crate::north::mqtt::{GatewayIdentity, MqttAct, MqttSession, Settings};
 use std::sync::Arc;
 
 /// The gateway's side of the conversation.
@@ -34,12 +34,12 @@ pub struct BrokerSession {
 }
 
 impl BrokerSession {
-    /// Serves the drives and lines of `current`, which answer through `news`. Attempts that reach no line are sent to
+    /// Serves the drives and lines of `current` as this gateway, which answer through `news`. Attempts that reach no line are sent to
     /// `journal`. Tickets start at `first_ticket`, so that no answer to an earlier session is taken for one to this
     /// session.
     #[must_use]
     pub fn new(
-        settings: Settings,
+        (gateway, settings): (GatewayIdentity, Settings),
         current: CurrentPlant,
         news: Arc<AnswerBox>,
         totals: Arc<MqttTotals>,
@@ -49,6 +49,7 @@ impl BrokerSession {
     ) -> Self {
         let shared = current.get();
         let mut session = MqttSession::new(
+            gateway,
             settings,
             drives_of(&shared),
             lines_of(&shared),

@@ -7,6 +7,7 @@ use crate::daemon::mqtt::{BrokerKeeps, BrokerTls, ConnectionSettings, HiddenText
 use crate::daemon::service::conversations::{BrokerSide, SparkplugConversation};
 use crate::domain::ids::Name;
 use crate::domain::standby::StandbyPair;
+use crate::north::mqtt::GatewayIdentity;
 use std::net::SocketAddr;
 use std::path::Path;
 
@@ -74,7 +75,7 @@ pub fn broker(
             .map(|credentials| credentials.user.clone()),
         password: password.map(read_password).transpose()?,
         keep_alive: mqtt.keep_alive,
-        version: mqtt.version,
+        version: mqtt.session.version,
         keeps: BrokerKeeps::Nothing,
     };
     let sparkplug = mqtt
@@ -88,8 +89,12 @@ pub fn broker(
             settings,
             data_dir: data_dir.to_owned(),
         });
+    let gateway = GatewayIdentity {
+        name: name.clone(),
+        standby: standby.cloned(),
+    };
     Ok(BrokerSide {
-        mqtt: (connection, mqtt.session(name.clone(), standby.cloned())),
+        mqtt: (connection, (gateway, mqtt.session.clone())),
         sparkplug,
     })
 }

@@ -11,7 +11,7 @@ use crate::daemon::mqtt::{self, BrokerConversation, ClientCounters, ConnectionSe
 use crate::daemon::sparkplug::BdSeq;
 use crate::daemon::sparkplug::speaker::{NodeBrokerSession, SessionSides};
 use crate::domain::ids::Ticket;
-use crate::north::mqtt::Settings;
+use crate::north::mqtt::{GatewayIdentity, Settings};
 use crate::north::sparkplug;
 use arc_swap::ArcSwapOption;
 use std::cell::RefCell;
@@ -27,8 +27,8 @@ const FAREWELL_MAX: Duration = Duration::from_secs(2);
 /// Tickets of one conversation with a broker; more than one can use.
 const TICKETS: u64 = 1 << 40;
 
-/// Connection and session settings.
-pub type Mqtt = (ConnectionSettings, Settings);
+/// How the broker is reached, and the gateway with the settings of its session.
+pub type Mqtt = (ConnectionSettings, (GatewayIdentity, Settings));
 
 /// Connection and session settings for Sparkplug, with the directory of the session number.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -116,10 +116,10 @@ impl BrokerConversations {
         let first_ticket = self.next_ticket();
         let current = self.current.clone();
         let journal = journal::side(self.journal.as_ref(), &self.current);
-        let says = async move |(connection, settings): Mqtt, totals, news, stopped| {
+        let says = async move |(connection, session): Mqtt, totals, news, stopped| {
             let changed = Arc::clone(&current.load().changed);
             let speaker = BrokerSession::new(
-                settings,
+                session,
                 current,
                 news,
                 totals,

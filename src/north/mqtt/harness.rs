@@ -1,7 +1,7 @@
 //! Shared by the tests of the session: a broker that is played by hand, and helpers that read what the session does.
 
 use super::session::MqttSession;
-use super::types::{LeaseMode, MqttAct, Settings, TopicTree};
+use super::types::{GatewayIdentity, LeaseMode, MqttAct, Settings, TopicTree};
 use crate::domain::command::{
     CommandAnswer, CommandRequest, Direction, Order, Outcome, Reason, Report,
 };
@@ -19,11 +19,16 @@ use serde_json::Value;
 use std::ops::{Deref, DerefMut};
 use std::time::Duration;
 
+pub(super) fn identity() -> GatewayIdentity {
+    GatewayIdentity {
+        name: name("plant"),
+        standby: None,
+    }
+}
+
 pub(super) fn settings(version: MqttVersion) -> Settings {
     Settings {
         prefix: "vfd".into(),
-        gateway: name("plant"),
-        standby: None,
         version,
         heartbeat: Duration::from_secs(60),
         lease: LeaseMode::Session,
@@ -112,9 +117,14 @@ impl Rig {
     }
 
     pub(super) fn with(settings: Settings) -> Self {
+        Self::of(identity(), settings)
+    }
+
+    pub(super) fn of(gateway: GatewayIdentity, settings: Settings) -> Self {
         let stage = Stage::new();
+        let lines = vec![name("hall")];
         Self {
-            session: MqttSession::new(settings, drives(), vec![name("hall")], stage.at(), 7),
+            session: MqttSession::new(gateway, settings, drives(), lines, stage.at(), 7),
             stage,
         }
     }

@@ -2,7 +2,6 @@
 
 use super::slot::{RenderContext, TopicContent, TopicSlot, retained};
 use super::topics::MqttTopics;
-use super::types::Settings;
 use crate::domain::ids::Name;
 use crate::domain::report::{LineCounters, LineReport, REPLY_CLASSES, ReplyReport, StationReport};
 use crate::domain::suspicion::LineSuspicion;
@@ -281,7 +280,6 @@ impl InfoTopic {
 
 /// What the gateway and its drives are: the gateway first, with the names of lines and drives.
 pub(super) fn infos(
-    settings: &Settings,
     topics: &MqttTopics,
     drives: &[DriveDescription],
     lines: &[Name],
@@ -294,7 +292,7 @@ pub(super) fn infos(
     };
     let document = json!({
         "version": PROGRAM_VERSION,
-        "gateway": settings.gateway.as_str(),
+        "gateway": topics.name.as_str(),
         "started": started,
         "lines": lines.iter().map(Name::as_str).collect::<Vec<_>>(),
         "drives": drives.iter().map(|drive| drive.name.as_str()).collect::<Vec<_>>(),

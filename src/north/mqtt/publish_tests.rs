@@ -1,6 +1,8 @@
 //! Which trees are published, and how each point is: heartbeat, decimals, dead band.
 
-use super::harness::{Rig, Staged, drives, name, on, publications, published_texts, settings};
+use super::harness::{
+    Rig, Staged, drives, identity, name, on, publications, published_texts, settings,
+};
 use super::session::MqttSession;
 use super::types::{MqttAct, Settings, TopicTree};
 use crate::domain::units::UnitOfMeasure;
@@ -29,7 +31,14 @@ fn with_drive(version: MqttVersion, change: impl FnOnce(&mut DriveDescription)) 
     let mut rig = Rig::new(version);
     let mut drives = drives();
     change(&mut drives[0]);
-    rig.session = MqttSession::new(settings(version), drives, vec![name("hall")], rig.at(), 7);
+    rig.session = MqttSession::new(
+        identity(),
+        settings(version),
+        drives,
+        vec![name("hall")],
+        rig.at(),
+        7,
+    );
     rig.poll(0, 3_000);
     rig.connect();
     rig

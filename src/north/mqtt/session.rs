@@ -12,7 +12,7 @@ use super::stored::StoredEvents;
 use super::telemetry::TelemetryTopics;
 use super::told::{EventMark, PeerEvents};
 use super::topics::MqttTopics;
-use super::types::{MqttAct, Settings};
+use super::types::{GatewayIdentity, MqttAct, Settings};
 use crate::domain::ids::{AskerId, Name};
 use crate::domain::time::MonoTime;
 use crate::drive::description::{DriveDescription, DriveRef};
@@ -77,25 +77,26 @@ pub struct MqttSession {
 }
 
 impl MqttSession {
-    /// The session of a gateway with these drives and lines, started now. `probe_key` is random, and used by this
+    /// The session of this gateway with these drives and lines, started now. `probe_key` is random, and used by this
     /// session only: without it no peer can forge a probe.
     #[must_use]
     pub fn new(
+        gateway: GatewayIdentity,
         settings: Settings,
         drives: Vec<DriveDescription>,
         lines: Vec<Name>,
         started: ClockMoment,
         probe_key: u128,
     ) -> Self {
-        let topics = MqttTopics::new(&settings);
+        let topics = MqttTopics::new(&gateway, &settings);
         let clock = LabelClock::new(started);
-        let half = settings
+        let half = gateway
             .standby
             .as_ref()
             .map(|pair| format!("-{}", pair.half))
             .unwrap_or_default();
         let run = format!("{}{half}", started.wall.unix_ms);
-        let mut half = PairMember::new(settings.standby.clone(), &topics);
+        let mut half = PairMember::new(gateway.standby, &topics);
         half.replace(&lines, drives.iter().map(|drive| drive.line.clone()));
         let mut session = Self {
             telemetry: TelemetryTopics::new(

@@ -1,8 +1,8 @@
 //! Two gateways of one name at one broker, which is played here: what an outsider sees of them.
 
 use super::harness::{Rig, message, settings};
-use super::standby_tests::{pair, report, trip};
-use super::types::{MqttAct, Settings};
+use super::standby_tests::{one_of_two, report, trip};
+use super::types::MqttAct;
 use crate::domain::standby::LineRole;
 use crate::north::broker::{
     BrokerEvent, BrokerMessage, MqttVersion, Publication, SubscriptionFilter,
@@ -34,10 +34,7 @@ impl Plant {
     /// Both are connected; `a` is active.
     fn new() -> Self {
         let rig = |half, partner, role| {
-            let mut rig = Rig::with(Settings {
-                standby: Some(pair(half, partner)),
-                ..settings(MqttVersion::V5)
-            });
+            let mut rig = Rig::of(one_of_two(half, partner), settings(MqttVersion::V5));
             rig.lines[0].report.standby = Some(report(role));
             rig.poll(0, 3_000);
             rig

@@ -1,10 +1,10 @@
 //! The session as one of two gateways of the same name.
 
 use super::harness::{
-    Rig, Staged, commands, kept, message, name, on, orders, publications, published_texts, results,
-    settings,
+    Rig, Staged, commands, identity, kept, message, name, on, orders, publications,
+    published_texts, results, settings,
 };
-use super::types::{HomeAssistant, MqttAct, Settings};
+use super::types::{GatewayIdentity, HomeAssistant, MqttAct, Settings};
 use crate::domain::command::{Order, Outcome, Reason};
 use crate::domain::ids::DriveIndex;
 use crate::domain::standby::{LineRole, StandbyPair, StandbyReport, StandbyTrouble};
@@ -37,11 +37,15 @@ pub(super) fn pair(half: &str, partner: &str) -> StandbyPair {
     }
 }
 
+pub(super) fn one_of_two(half: &str, partner: &str) -> GatewayIdentity {
+    GatewayIdentity {
+        standby: Some(pair(half, partner)),
+        ..identity()
+    }
+}
+
 fn half_with(settings: Settings, role: LineRole) -> Rig {
-    let mut rig = Rig::with(Settings {
-        standby: Some(pair("b", "a")),
-        ..settings
-    });
+    let mut rig = Rig::of(one_of_two("b", "a"), settings);
     rig.lines[0].report.standby = Some(report(role));
     rig.poll(0, 3_000);
     rig
@@ -512,11 +516,11 @@ fn one_of_them_announces_to_home_assistant_and_both_the_same() {
     let mut rig = with(LineRole::Active);
     let home_assistant = rig.session.settings.home_assistant.clone();
     let settings = Settings {
-        standby: Some(pair("a", "b")),
         home_assistant,
         ..settings(MqttVersion::V5)
     };
     rig.session = super::MqttSession::new(
+        one_of_two("a", "b"),
         settings,
         super::harness::drives(),
         vec![name("hall")],

@@ -83,7 +83,7 @@ impl TelemetryTopics {
         let mut telemetry = Self {
             heartbeat: settings.heartbeat,
             expires: settings.version == MqttVersion::V5,
-            infos: infos(settings, topics, drives, lines, started),
+            infos: infos(topics, drives, lines, started),
             is_info_wanted: settings.publish.contains(&TopicTree::Info),
             status: TopicSlot::new(topics.gateway("status")),
             lines: line_topics(settings, topics, drives, lines),
@@ -111,10 +111,7 @@ impl TelemetryTopics {
         started: &str,
     ) {
         let before = self.topics();
-        let old_infos = std::mem::replace(
-            &mut self.infos,
-            infos(settings, topics, new, lines, started),
-        );
+        let old_infos = std::mem::replace(&mut self.infos, infos(topics, new, lines, started));
         for info in &mut self.infos {
             info.is_told = old_infos
                 .iter()

@@ -1,6 +1,6 @@
 //! The topics of one gateway: building them, and parsing the topic of a message.
 
-use super::types::Settings;
+use super::types::{GatewayIdentity, Settings};
 use crate::domain::ids::Name;
 use crate::north::broker::{Qos, SubscriptionFilter};
 
@@ -8,6 +8,8 @@ use crate::north::broker::{Qos, SubscriptionFilter};
 #[derive(Debug)]
 pub(super) struct MqttTopics {
     prefix: String,
+    /// The gateway's name.
+    pub(super) name: Name,
     /// `PREFIX/GATEWAY/`.
     base: String,
     alive: Option<String>,
@@ -88,13 +90,14 @@ impl DriveInput<'_> {
 }
 
 impl MqttTopics {
-    pub(super) fn new(settings: &Settings) -> Self {
-        let base = format!("{}/{}/", settings.prefix, settings.gateway);
+    pub(super) fn new(gateway: &GatewayIdentity, settings: &Settings) -> Self {
+        let base = format!("{}/{}/", settings.prefix, gateway.name);
         Self {
             prefix: settings.prefix.clone(),
+            name: gateway.name.clone(),
             base,
             alive: settings.alive_topic.clone(),
-            half: settings.standby.as_ref().map(|pair| pair.half.clone()),
+            half: gateway.standby.as_ref().map(|pair| pair.half.clone()),
             qos: settings.subscription_qos,
         }
     }
@@ -277,10 +280,10 @@ fn param(rest: &str) -> Option<DriveInput<'_>> {
 mod tests {
     use super::*;
     use crate::north::broker::MqttVersion;
-    use crate::north::mqtt::harness::settings;
+    use crate::north::mqtt::harness::{identity, settings};
 
     fn topics() -> MqttTopics {
-        MqttTopics::new(&settings(MqttVersion::V5))
+        MqttTopics::new(&identity(), &settings(MqttVersion::V5))
     }
 
     fn everybody(input: DriveInput<'_>) -> Option<MqttInbound<'_>> {

@@ -8,15 +8,20 @@ use crate::journal::WriteAttempt;
 use crate::north::broker::{MqttVersion, Publication, Qos, SubscriptionFilter, ToLine};
 use std::time::Duration;
 
-/// Settings of the MQTT side.
+/// Which gateway a session is of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct GatewayIdentity {
+    /// The gateway's name: the level of its topics after the prefix.
+    pub name: Name,
+    /// Which of several gateways of this name it is; `None` if it is the only one.
+    pub standby: Option<StandbyPair>,
+}
+
+/// Settings of the MQTT side, as they are configured.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Settings {
     /// First level or levels of all topics, without a slash at either end.
     pub prefix: String,
-    /// The gateway's name: the level after the prefix.
-    pub gateway: Name,
-    /// Which of several gateways of this name it is; `None` if it is the only one.
-    pub standby: Option<StandbyPair>,
     /// Protocol version of the connection.
     pub version: MqttVersion,
     /// Interval after which an unchanged value is published again.

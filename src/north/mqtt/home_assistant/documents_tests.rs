@@ -8,7 +8,7 @@ use crate::domain::ids::Name;
 use crate::domain::version::PROGRAM_VERSION;
 use crate::drive::description::{DriveDescription, DriveRatings, PointSettings};
 use crate::north::broker::MqttVersion;
-use crate::north::mqtt::harness::{drives, name, settings};
+use crate::north::mqtt::harness::{drives, identity, name, settings};
 use crate::north::mqtt::payload::{self, InputRequest};
 use crate::north::mqtt::topics::{MqttInbound, MqttTopics};
 use crate::north::mqtt::types::{CombinedEntity, HomeAssistant, Settings};
@@ -67,7 +67,7 @@ fn all() -> ControlSettings {
 fn announced(devices: bool, drives: &[DriveDescription]) -> Map<String, Value> {
     let settings = speaking(devices);
     let lines = [name("hall")];
-    let topics = MqttTopics::new(&settings);
+    let topics = MqttTopics::new(&identity(), &settings);
     let plant = DiscoveryPlant::of(&settings, &topics, &lines, drives).unwrap();
     let mut announced = Map::new();
     for device in (0..).take_while(|device| plant.has_device(*device)) {
@@ -191,7 +191,7 @@ fn nothing_commands_a_drive_that_takes_no_command_from_here() {
 
 #[test]
 fn what_is_pressed_is_what_the_topics_take() {
-    let topics = MqttTopics::new(&speaking(false));
+    let topics = MqttTopics::new(&identity(), &speaking(false));
     let mut pressed = 0;
     for drive in every_drive() {
         let model = drive.model.clone();
@@ -415,7 +415,7 @@ fn a_value_is_shown_with_as_many_decimals_as_are_published() {
 #[test]
 fn lines_are_shown_by_their_names() {
     let settings = speaking(false);
-    let topics = MqttTopics::new(&settings);
+    let topics = MqttTopics::new(&identity(), &settings);
     let lines = ["a_b", "a.b"].map(|it| Name::new(it).unwrap());
     let plant = DiscoveryPlant::of(&settings, &topics, &lines, &[]).unwrap();
     let each: Vec<_> = (0..)

@@ -64,7 +64,7 @@ impl<'a> DiscoveryPlant<'a> {
         drives: &'a [DriveDescription],
     ) -> Option<Self> {
         let alive = settings.alive_topic.as_deref();
-        let gateway = &settings.gateway;
+        let gateway = &topics.name;
         settings.home_assistant.as_ref().map(|settings| Self {
             settings,
             alive,

@@ -6,7 +6,7 @@ use crate::domain::ids::{DriveIndex, Name};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::north::broker::{BrokerEvent, BrokerMessage, MqttVersion, Publication, Qos, ToLine};
 use crate::north::mqtt::harness::{
-    Rig, Staged, commands, drives, message, name, publications, settings,
+    Rig, Staged, commands, drives, identity, message, name, publications, settings,
 };
 use crate::north::mqtt::session::MqttSession;
 use crate::north::mqtt::types::{HomeAssistant, LeaseMode, MqttAct, Settings};
@@ -50,7 +50,14 @@ impl Home {
     fn again(&mut self, settings: Settings, drives: Vec<DriveDescription>) {
         self.rig = Self::new(settings.clone()).rig;
         self.rig.views.truncate(drives.len());
-        self.rig.session = MqttSession::new(settings, drives, vec![name("hall")], self.rig.at(), 7);
+        self.rig.session = MqttSession::new(
+            identity(),
+            settings,
+            drives,
+            vec![name("hall")],
+            self.rig.at(),
+            7,
+        );
     }
 
     /// Plays the broker for these acts and for what follows from them at once. Returns what was announced.
