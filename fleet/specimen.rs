@@ -19,10 +19,10 @@ use vfd_gateway::drive::description::DriveDescription;
 use vfd_gateway::drive::snapshot::DrivePresence;
 use vfd_gateway::drive::view::{ControlView, DriveView, RunState};
 use vfd_gateway::north::broker::{
-    BrokerEvent, BrokerLimits, BrokerMessage, Publication, SessionLine,
+    BrokerEvent, BrokerLimits, BrokerMessage, BrokerSession, Publication, SessionAct, SessionLine,
 };
 use vfd_gateway::north::clock::ClockMoment;
-use vfd_gateway::north::mqtt::{GatewayIdentity, MqttAct, MqttSession, Settings, TopicTree};
+use vfd_gateway::north::mqtt::{GatewayIdentity, MqttSession, Settings, TopicTree};
 use vfd_gateway::profile::model::Model;
 
 /// Most drives on one line, as RS-485 carries them.
@@ -196,7 +196,7 @@ fn birth(
         name,
         standby: None,
     };
-    let mut session = MqttSession::new(gateway, settings, drives, names, at, 1);
+    let mut session = MqttSession::new((gateway, settings), drives, names, at, 1);
     session.handle(
         at,
         BrokerEvent::Connected(BrokerLimits {
@@ -208,13 +208,13 @@ fn birth(
     for _ in 0..ACTS_MAX {
         match session.next_act(at, &views, &lines) {
             None => return Ok(published),
-            Some(MqttAct::Subscribe(filters)) => {
+            Some(SessionAct::Subscribe(filters)) => {
                 session.handle(at, BrokerEvent::Subscribed(vec![true; filters.len()]))
             }
-            Some(MqttAct::Publish(it)) if it.topic == probe => {
+            Some(SessionAct::Publish(it)) if it.topic == probe => {
                 session.handle(at, BrokerEvent::Message(message(&it)))
             }
-            Some(MqttAct::Publish(it)) => published.push(it),
+            Some(SessionAct::Publish(it)) => published.push(it),
             Some(_) => {}
         }
     }

@@ -43,7 +43,7 @@ const ROOMS: [&str; 15] = [
     "cli",
 ];
 /// The folders of the daemon, and its files that have none; each uses only those before it.
-const DAEMON: [&str; 17] = [
+const DAEMON: [&str; 16] = [
     "host",
     "qualified_file",
     "port",
@@ -58,7 +58,6 @@ const DAEMON: [&str; 17] = [
     "modbus_server",
     "modbus_rtu",
     "mqtt",
-    "sparkplug",
     "http",
     "service",
 ];

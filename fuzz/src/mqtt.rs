@@ -16,12 +16,12 @@ use vfd_gateway::domain::report::LineReport;
 use vfd_gateway::domain::time::{MonoTime, WallTime};
 use vfd_gateway::drive::view::{ControlView, DriveView};
 use vfd_gateway::north::broker::{
-    BrokerEvent, BrokerLimits, BrokerMessage, MqttVersion, Publication, Qos, SessionLine, ToLine,
+    BrokerEvent, BrokerLimits, BrokerMessage, BrokerSession, MqttVersion, Publication, Qos,
+    SessionAct, SessionLine, ToLine,
 };
 use vfd_gateway::north::clock::ClockMoment;
 use vfd_gateway::north::mqtt::{
-    CombinedEntity, GatewayIdentity, HomeAssistant, LeaseMode, MqttAct, MqttSession, Settings,
-    TopicTree,
+    CombinedEntity, GatewayIdentity, HomeAssistant, LeaseMode, MqttSession, Settings, TopicTree,
 };
 
 const BASE: &str = "vfd/plant/";
@@ -127,11 +127,13 @@ impl Rig {
         Self {
             views: views.collect(),
             session: MqttSession::new(
-                GatewayIdentity {
-                    name: plant::name("plant"),
-                    standby: None,
-                },
-                settings.clone(),
+                (
+                    GatewayIdentity {
+                        name: plant::name("plant"),
+                        standby: None,
+                    },
+                    settings.clone(),
+                ),
                 drives,
                 vec![plant::name("hall")],
                 moment(1_000),
@@ -158,7 +160,7 @@ impl Rig {
             .handle(self.at(), BrokerEvent::Connected(self.broker));
         let acts = self.acts();
         let filters = acts.iter().find_map(|act| {
-            if let MqttAct::Subscribe(it) = act {
+            if let SessionAct::Subscribe(it) = act {
                 Some(it.len())
             } else {
                 None
@@ -219,7 +221,7 @@ impl Rig {
             .filter(|act| {
                 matches!(
                     act,
-                    MqttAct::ToLine(ToLine::Command(..)) | MqttAct::ToLine(ToLine::Read(..))
+                    SessionAct::ToLine(ToLine::Command(..)) | SessionAct::ToLine(ToLine::Read(..))
                 )
             })
             .count();
@@ -230,12 +232,12 @@ impl Rig {
         );
         let kept = acts
             .iter()
-            .filter(|act| matches!(act, MqttAct::Keep(..)))
+            .filter(|act| matches!(act, SessionAct::Keep(..)))
             .count();
         let writes = is_input && !topic.ends_with("/get") && !topic.ends_with("/lease");
         let ordered = acts
             .iter()
-            .filter(|act| matches!(act, MqttAct::ToLine(ToLine::Command(..))))
+            .filter(|act| matches!(act, SessionAct::ToLine(ToLine::Command(..))))
             .count();
         assert!(
             !writes || ordered + kept == 1,
@@ -247,11 +249,11 @@ impl Rig {
     }
 
     /// Checks what one message has ordered.
-    fn acts_on(&self, message: &BrokerMessage<'_>, acts: &[MqttAct]) {
+    fn acts_on(&self, message: &BrokerMessage<'_>, acts: &[SessionAct]) {
         let orders: Vec<_> = acts
             .iter()
             .filter_map(|act| {
-                if let MqttAct::ToLine(ToLine::Command(to, it)) = act {
+                if let SessionAct::ToLine(ToLine::Command(to, it)) = act {
                     Some((to, it))
                 } else {
                     None
@@ -280,7 +282,7 @@ impl Rig {
         }
         let is_read = acts
             .iter()
-            .any(|act| matches!(act, MqttAct::ToLine(ToLine::Read(..))));
+            .any(|act| matches!(act, SessionAct::ToLine(ToLine::Read(..))));
         assert!(!(message.retain && is_read), "a replay reads: {message:?}");
     }
 
@@ -365,11 +367,11 @@ impl Rig {
     }
 
     /// All acts that are due now. Probes are delivered back.
-    fn acts(&mut self) -> Vec<MqttAct> {
+    fn acts(&mut self) -> Vec<SessionAct> {
         let mut all = Vec::new();
         while let Some(act) = self.session.next_act(self.at(), &self.views, &self.lines) {
             match &act {
-                MqttAct::Publish(it) if it.topic == "vfd/plant/probe" => {
+                SessionAct::Publish(it) if it.topic == "vfd/plant/probe" => {
                     let topic = it.topic.as_str();
                     let payload = it.payload.as_slice();
                     let back = BrokerMessage {
@@ -383,20 +385,21 @@ impl Rig {
                     };
                     self.session.handle(self.at(), BrokerEvent::Message(back));
                 }
-                MqttAct::Publish(publication) => self.check_publication(publication),
-                MqttAct::ToLine(ToLine::Command(_, request)) => {
+                SessionAct::Publish(publication) => self.check_publication(publication),
+                SessionAct::ToLine(ToLine::Command(_, request)) => {
                     let before = self.commands.insert(request.ticket, request.clone());
                     assert!(before.is_none(), "a ticket twice");
                 }
-                MqttAct::ToLine(ToLine::Read(_, request)) => self.reads.push(request.ticket),
-                MqttAct::Keep(_, attempt) => {
+                SessionAct::ToLine(ToLine::Read(_, request)) => self.reads.push(request.ticket),
+                SessionAct::Keep(_, attempt) => {
                     assert!(attempt.report.is_some(), "no end follows: {attempt:?}")
                 }
-                MqttAct::Subscribe(_)
-                | MqttAct::ToLine(ToLine::PathAlive)
-                | MqttAct::ToLine(ToLine::PathOpened)
-                | MqttAct::Reconnect(_) => {}
-                MqttAct::EventTaken(_) | MqttAct::WantEvents { .. } => {}
+                SessionAct::Subscribe(_)
+                | SessionAct::ToLine(ToLine::PathAlive)
+                | SessionAct::ToLine(ToLine::PathOpened)
+                | SessionAct::Reconnect(_)
+                | SessionAct::Leave(_) => {}
+                SessionAct::EventTaken(_) | SessionAct::WantEvents { .. } => {}
             }
             all.push(act);
             assert!(all.len() < ACTS_MAX, "no end of acts");

@@ -14,11 +14,12 @@ use vfd_gateway::domain::time::{MonoTime, WallTime};
 use vfd_gateway::drive::snapshot::DrivePresence;
 use vfd_gateway::drive::view::{ControlView, DriveView};
 use vfd_gateway::north::broker::{
-    BrokerEvent, BrokerLimits, BrokerMessage, MqttVersion, Publication, SessionLine, ToLine,
+    BrokerEvent, BrokerLimits, BrokerMessage, BrokerSession, MqttVersion, Publication, SessionAct,
+    SessionLine, ToLine,
 };
 use vfd_gateway::north::clock::ClockMoment;
 use vfd_gateway::north::sparkplug::payload::{PayloadMetric, PayloadValue, SparkplugPayload};
-use vfd_gateway::north::sparkplug::{Settings, SparkplugAct, SparkplugSession};
+use vfd_gateway::north::sparkplug::{Settings, SparkplugSession};
 
 const PROBE: &str = "vfd/plant/sparkplug/probe";
 const STATE: &str = "spBv1.0/STATE/scada";
@@ -107,7 +108,7 @@ impl Rig {
             session: SparkplugSession::new(
                 settings,
                 drives,
-                &[plant::name("hall")],
+                vec![plant::name("hall")],
                 moment(1_000),
                 1,
             ),
@@ -140,7 +141,7 @@ impl Rig {
         self.next = None;
         let acts = self.acts();
         let filters = acts.iter().find_map(|act| {
-            if let SparkplugAct::Subscribe(it) = act {
+            if let SessionAct::Subscribe(it) = act {
                 Some(it.len())
             } else {
                 None
@@ -222,7 +223,7 @@ impl Rig {
         let orders: Vec<_> = acts
             .iter()
             .filter_map(|act| {
-                if let SparkplugAct::ToLine(ToLine::Command(_, it)) = act {
+                if let SessionAct::ToLine(ToLine::Command(_, it)) = act {
                     Some(it)
                 } else {
                     None
@@ -257,7 +258,7 @@ impl Rig {
         }
         let kept = acts
             .iter()
-            .filter(|act| matches!(act, SparkplugAct::Keep(..)))
+            .filter(|act| matches!(act, SessionAct::Keep(..)))
             .count();
         assert!(kept <= 4, "one message, {kept} rows of the audit");
     }
@@ -301,13 +302,14 @@ impl Rig {
         };
         let asker = AskerId::SPARKPLUG;
         let report = Report::new(outcome, Reason::NoReply);
-        self.session.command_answer(&CommandAnswer {
+        let answer = CommandAnswer {
             asker,
             ticket,
             drive: DriveIndex(0),
             report,
             is_final,
-        });
+        };
+        self.session.command_answer(self.at(), &answer);
         if is_final {
             self.tickets.pop();
         }
@@ -337,31 +339,33 @@ impl Rig {
     }
 
     /// All acts that are due now. Probes are delivered back; a connection that is to be left stays until it is lost.
-    fn acts(&mut self) -> Vec<SparkplugAct> {
+    fn acts(&mut self) -> Vec<SessionAct> {
         let mut all = Vec::new();
         while let Some(act) = self.session.next_act(self.at(), &self.views, &self.lines) {
             match &act {
-                SparkplugAct::Publish(it) if it.topic == PROBE => {
+                SessionAct::Publish(it) if it.topic == PROBE => {
                     let payload = it.payload.clone();
                     self.session.handle(
                         self.at(),
                         BrokerEvent::Message(message(PROBE, &payload, false, false)),
                     );
                 }
-                SparkplugAct::Publish(publication) => self.check_publication(publication),
-                SparkplugAct::ToLine(ToLine::Command(_, request)) => {
+                SessionAct::Publish(publication) => self.check_publication(publication),
+                SessionAct::ToLine(ToLine::Command(_, request)) => {
                     self.tickets.push(request.ticket)
                 }
-                SparkplugAct::Keep(_, attempt) => {
+                SessionAct::Keep(_, attempt) => {
                     assert!(attempt.report.is_some(), "no end follows: {attempt:?}")
                 }
-                SparkplugAct::ToLine(ToLine::Read(..) | ToLine::PathOpened) => {
+                SessionAct::ToLine(ToLine::Read(..) | ToLine::PathOpened)
+                | SessionAct::EventTaken(_)
+                | SessionAct::WantEvents { .. } => {
                     panic!("no host asks for this: {act:?}")
                 }
-                SparkplugAct::Subscribe(_)
-                | SparkplugAct::ToLine(ToLine::PathAlive)
-                | SparkplugAct::Reconnect(_)
-                | SparkplugAct::Leave(_) => {}
+                SessionAct::Subscribe(_)
+                | SessionAct::ToLine(ToLine::PathAlive)
+                | SessionAct::Reconnect(_)
+                | SessionAct::Leave(_) => {}
             }
             all.push(act);
             assert!(all.len() < ACTS_MAX, "no end of acts");

@@ -24,7 +24,6 @@ pub mod port;
 pub mod qualified_file;
 pub mod scan;
 pub mod service;
-pub mod sparkplug;
 #[cfg(test)]
 mod stop_all_tests;
 #[cfg(test)]

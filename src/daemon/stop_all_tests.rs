@@ -6,15 +6,15 @@ use crate::daemon::exchange::shared::{CurrentPlant, SharedPlant};
 use crate::daemon::host::clock;
 use crate::daemon::lines;
 use crate::daemon::local::{LocalSide, OrderingClient};
-use crate::daemon::mqtt::BrokerConversation;
-use crate::daemon::mqtt::speaker::BrokerSession;
+use crate::daemon::mqtt::speaker::{SessionSides, SessionSpeaker};
+use crate::daemon::mqtt::{BdSeq, BrokerConversation};
 use crate::daemon::service::build;
 use crate::daemon::service::conversations::BrokerSide;
-use crate::daemon::sparkplug::BdSeq;
-use crate::daemon::sparkplug::speaker::{NodeBrokerSession, SessionSides};
 use crate::daemon::testing::{Dir, Sleeper};
 use crate::domain::ids::{CommanderName, Ticket};
 use crate::north::broker::{BrokerEvent, BrokerMessage};
+use crate::north::mqtt::MqttSession;
+use crate::north::sparkplug::SparkplugSession;
 use crate::north::sparkplug::payload::{PayloadMetric, PayloadValue, SparkplugPayload};
 use crate::vendors;
 use std::fmt::Write;
@@ -66,6 +66,16 @@ fn message<'a>(topic: &'a str, payload: &'a [u8]) -> BrokerEvent<'a> {
     })
 }
 
+/// What a session with a broker is connected to.
+fn sides<C: Default>(shared: &Arc<SharedPlant>) -> SessionSides<C> {
+    SessionSides {
+        current: CurrentPlant::from(Arc::clone(shared)),
+        news: Arc::default(),
+        totals: Arc::default(),
+        journal: None,
+    }
+}
+
 /// The settings of both sides with a broker.
 fn broker_side(config: &Config, dir: &Path) -> BrokerSide {
     let name = config.gateway.name.clone().unwrap();
@@ -85,15 +95,10 @@ fn by_way_of_mqtt() {
         broker_side(&config, &Dir::new()).mqtt,
         Arc::new(lines::build::shared(&config)),
     );
-    let current = CurrentPlant::from(Arc::clone(&shared));
-    let news = Arc::default();
-    let totals = Arc::default();
-    let mut speaker = BrokerSession::new(
+    let mut speaker = SessionSpeaker::<MqttSession>::new(
         settings,
-        current,
-        news,
-        totals,
         None,
+        sides(&shared),
         Ticket(1),
         clock::moment(),
     );
@@ -110,19 +115,10 @@ fn by_way_of_sparkplug() {
     let dir = Dir::new();
     let settings = broker_side(&config, &dir).sparkplug.unwrap().settings;
     let shared = Arc::new(lines::build::shared(&config));
-    let news = Arc::default();
-    let totals = Arc::default();
-    let journal = None;
-    let sides = SessionSides {
-        current: CurrentPlant::from(Arc::clone(&shared)),
-        news,
-        totals,
-        journal,
-    };
-    let mut speaker = NodeBrokerSession::new(
+    let mut speaker = SessionSpeaker::<SparkplugSession>::new(
         settings,
-        BdSeq::read(&dir),
-        sides,
+        Some(BdSeq::read(&dir)),
+        sides(&shared),
         Ticket(1),
         clock::moment(),
     );

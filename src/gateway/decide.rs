@@ -63,7 +63,11 @@ impl LineCore {
     }
 
     /// Sends a request, whose reply is awaited.
-    pub(super) fn open_exchange(&mut self, now: MonoTime, (drive, request, purpose): PickedRequest) {
+    pub(super) fn open_exchange(
+        &mut self,
+        now: MonoTime,
+        (drive, request, purpose): PickedRequest,
+    ) {
         self.turns.exchange_opened();
         let asked = &self.drives[drive];
         let station = asked.setup.station;

@@ -1,17 +1,24 @@
-//! Shared by the tests of both sessions with a broker: two drives of a real model, their views, and the time.
+//! Shared by the tests of both sessions with a broker: two drives of a real model, their views, the time, and a broker
+//! that is played by hand.
 
-use super::broker::{BrokerLimits, BrokerMessage, SessionLine};
+use super::broker::{
+    BrokerEvent, BrokerLimits, BrokerMessage, BrokerSession, Publication, SessionAct, SessionLine,
+    ToLine,
+};
 use super::clock::ClockMoment;
+use crate::domain::command::{CommandAnswer, CommandRequest, Order, Outcome, Reason, Report};
 use crate::domain::control::ControlSettings;
-use crate::domain::ids::{DriveIndex, Name, UnitId};
+use crate::domain::ids::{DriveIndex, Name, Ticket, UnitId};
 use crate::domain::report::{self, LineReport};
 use crate::domain::time::{MonoTime, WallTime};
 use crate::drive::description::{DriveDescription, DriveRatings, DriveRef, PointSettings};
 use crate::drive::plan::PollPace;
 use crate::drive::snapshot::DrivePresence;
 use crate::drive::view::{ControlView, DriveView, RunState};
+use crate::journal::WriteAttempt;
 use crate::profile::model::Model;
 use crate::vendors;
+use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -157,44 +164,168 @@ impl Stage {
     }
 }
 
-/// A session under test.
-pub trait Staged {
-    /// What it wants done.
-    type Act;
+/// A session under test, with a broker that is played by hand.
+pub struct Rig<S> {
+    pub session: S,
+    pub stage: Stage,
+    /// The topic of its probe.
+    probe: &'static str,
+    /// No probe returns.
+    pub is_deaf: bool,
+}
 
-    fn stage(&mut self) -> &mut Stage;
-    /// When the session wants to be woken.
-    fn next_wake(&self) -> Option<MonoTime>;
-    /// Wakes it.
-    fn tick(&mut self, at: ClockMoment);
-    /// Everything that is to be done now. A probe returns at once.
-    fn acts(&mut self) -> Vec<Self::Act>;
+impl<S> Deref for Rig<S> {
+    type Target = Stage;
+
+    fn deref(&self) -> &Stage {
+        &self.stage
+    }
+}
+
+impl<S> DerefMut for Rig<S> {
+    fn deref_mut(&mut self) -> &mut Stage {
+        &mut self.stage
+    }
+}
+
+impl<S: BrokerSession> Rig<S> {
+    /// A session with `drives` on line `hall`.
+    pub fn of(settings: S::Settings, drives: Vec<DriveDescription>, probe: &'static str) -> Self {
+        let stage = Stage::new();
+        Self {
+            session: S::new(settings, drives, vec![name("hall")], stage.at(), 7),
+            stage,
+            probe,
+            is_deaf: false,
+        }
+    }
+
+    pub fn handle(&mut self, event: BrokerEvent<'_>) {
+        self.session.handle(self.stage.at(), event);
+    }
+
+    /// Connects, and the broker grants everything. Returns what is done before that, and after it.
+    pub fn connect_and_grant(&mut self) -> [Vec<SessionAct>; 2] {
+        self.handle(BrokerEvent::Connected(self.broker));
+        let before = self.acts();
+        let granted = before.iter().find_map(|act| match act {
+            SessionAct::Subscribe(filters) => Some(vec![true; filters.len()]),
+            _ => None,
+        });
+        self.handle(BrokerEvent::Subscribed(granted.expect("a subscription")));
+        [before, self.acts()]
+    }
+
+    /// Everything that is to be done now. A probe returns at once, if the broker is not deaf.
+    pub fn acts(&mut self) -> Vec<SessionAct> {
+        self.stage.show();
+        let mut all = Vec::new();
+        while let Some(act) =
+            self.session
+                .next_act(self.stage.at(), &self.stage.shown, &self.stage.lines)
+        {
+            if let SessionAct::Publish(it) = &act
+                && it.topic == self.probe
+                && !self.is_deaf
+            {
+                self.handle(BrokerEvent::Message(message(self.probe, &it.payload)));
+            }
+            all.push(act);
+            assert!(all.len() < 10_000, "no end of acts");
+        }
+        all
+    }
+
+    pub fn deliver(&mut self, message: &BrokerMessage<'_>) -> Vec<SessionAct> {
+        self.handle(BrokerEvent::Message(message.clone()));
+        self.acts()
+    }
+
+    /// The line answers.
+    pub fn answer(
+        &mut self,
+        ticket: Ticket,
+        outcome: Outcome,
+        reason: Reason,
+        is_final: bool,
+    ) -> Vec<SessionAct> {
+        self.report(ticket, Report::new(outcome, reason), is_final)
+    }
+
+    pub fn report(&mut self, ticket: Ticket, report: Report, is_final: bool) -> Vec<SessionAct> {
+        let answer = CommandAnswer {
+            asker: S::ASKER,
+            ticket,
+            drive: DriveIndex(0),
+            report,
+            is_final,
+        };
+        self.session.command_answer(self.stage.at(), &answer);
+        self.acts()
+    }
 
     /// Time passes, and the session is woken when it asked for it.
-    fn pass(&mut self, millis: u64) -> Vec<Self::Act> {
-        let until = self.stage().millis + millis;
+    pub fn pass(&mut self, millis: u64) -> Vec<SessionAct> {
+        let until = self.millis + millis;
         let mut all = Vec::new();
         while let Some(wake) = self
+            .session
             .next_wake()
             .filter(|wake| *wake <= MonoTime::from_millis(until))
         {
             // A wake-up within a millisecond is rounded up; one in the past would be an endless loop.
             let wake = wake.as_nanos().div_ceil(1_000_000);
             assert!(all.len() < 10_000, "woken for ever");
-            let stage = self.stage();
-            stage.millis = wake.max(stage.millis);
-            let at = stage.at();
-            self.tick(at);
+            self.millis = wake.max(self.millis);
+            let at = self.at();
+            self.session.tick(at);
             let more = self.acts();
-            let next = self.next_wake();
+            let next = self.session.next_wake();
             assert!(
                 next.is_none_or(|next| next > at.mono),
                 "woken for nothing at {next:?}"
             );
             all.extend(more);
         }
-        self.stage().millis = until;
+        self.millis = until;
         all.extend(self.acts());
         all
     }
+}
+
+/// What was published, except the probe.
+pub fn publications(acts: &[SessionAct]) -> Vec<&Publication> {
+    let published = acts.iter().filter_map(|act| match act {
+        SessionAct::Publish(it) => Some(it),
+        _ => None,
+    });
+    published
+        .filter(|it| !it.topic.ends_with("/probe"))
+        .collect()
+}
+
+pub fn commands(acts: &[SessionAct]) -> Vec<&CommandRequest> {
+    acts.iter()
+        .filter_map(|act| match act {
+            SessionAct::ToLine(ToLine::Command(_, request)) => Some(request),
+            _ => None,
+        })
+        .collect()
+}
+
+pub fn orders(acts: &[SessionAct]) -> Vec<&Order> {
+    commands(acts)
+        .into_iter()
+        .map(|request| &request.order)
+        .collect()
+}
+
+/// Attempts that no line saw.
+pub fn kept(acts: &[SessionAct]) -> Vec<&WriteAttempt> {
+    acts.iter()
+        .filter_map(|act| match act {
+            SessionAct::Keep(_, attempt) => Some(attempt),
+            _ => None,
+        })
+        .collect()
 }

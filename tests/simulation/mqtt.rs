@@ -12,12 +12,11 @@ use vfd_gateway::drive::description::DriveRef;
 use vfd_gateway::drive::view::TripEvent;
 use vfd_gateway::gateway::LineInput;
 use vfd_gateway::north::broker::{
-    BrokerEvent, BrokerLimits, BrokerMessage, MqttVersion, Publication, Qos, SessionLine, ToLine,
+    BrokerEvent, BrokerLimits, BrokerMessage, BrokerSession, MqttVersion, Publication, Qos,
+    SessionAct, SessionLine, ToLine,
 };
 use vfd_gateway::north::clock::ClockMoment;
-use vfd_gateway::north::mqtt::{
-    GatewayIdentity, LeaseMode, MqttAct, MqttSession, Settings, TopicTree,
-};
+use vfd_gateway::north::mqtt::{GatewayIdentity, LeaseMode, MqttSession, Settings, TopicTree};
 
 /// The wall clock at the start of a world.
 const WALL_MS: i64 = 1_767_225_600_000;
@@ -86,8 +85,7 @@ impl MqttSide {
             standby: None,
         };
         let session = MqttSession::new(
-            gateway,
-            settings,
+            (gateway, settings),
             world.descriptions.clone(),
             vec![name],
             moment(world.now, 0),
@@ -395,12 +393,12 @@ impl World {
                 .next_act(moment(self.now, side.ahead), &self.views, &side.lines)
         {
             match act {
-                MqttAct::Subscribe(filters) => side.put(
+                SessionAct::Subscribe(filters) => side.put(
                     self.now + Duration::from_millis(3),
                     Coming::Granted(filters.len()),
                 ),
-                MqttAct::Publish(publication) => self.publish(side, publication),
-                MqttAct::Reconnect(_) => return side.lose(self.now, Duration::from_secs(1)),
+                SessionAct::Publish(publication) => self.publish(side, publication),
+                SessionAct::Reconnect(_) => return side.lose(self.now, Duration::from_secs(1)),
                 inward => self.inward(inward),
             }
         }
@@ -452,22 +450,23 @@ impl World {
         }
     }
 
-    fn inward(&mut self, act: MqttAct) {
+    fn inward(&mut self, act: SessionAct) {
         match act {
-            MqttAct::ToLine(ToLine::Command(_, command)) => {
+            SessionAct::ToLine(ToLine::Command(_, command)) => {
                 self.core.handle(self.now, LineInput::Command(command))
             }
-            MqttAct::ToLine(ToLine::Read(_, request)) => {
+            SessionAct::ToLine(ToLine::Read(_, request)) => {
                 self.core.handle(self.now, LineInput::Native(request))
             }
-            MqttAct::ToLine(ToLine::PathAlive) => self
+            SessionAct::ToLine(ToLine::PathAlive) => self
                 .core
                 .handle(self.now, LineInput::PathAlive(Owner::Mqtt)),
-            MqttAct::ToLine(ToLine::PathOpened) => self
+            SessionAct::ToLine(ToLine::PathOpened) => self
                 .core
                 .handle(self.now, LineInput::PathOpened(Owner::Mqtt)),
-            MqttAct::Subscribe(_) | MqttAct::Publish(_) | MqttAct::Reconnect(_) => {}
-            MqttAct::Keep(..) | MqttAct::EventTaken(_) | MqttAct::WantEvents { .. } => {}
+            SessionAct::Subscribe(_) | SessionAct::Publish(_) => {}
+            SessionAct::Reconnect(_) | SessionAct::Leave(_) => {}
+            SessionAct::Keep(..) | SessionAct::EventTaken(_) | SessionAct::WantEvents { .. } => {}
         }
     }
 

@@ -9,7 +9,7 @@ use fastrand::Rng;
 use std::time::Duration;
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::gateway::LineInput;
-use vfd_gateway::north::broker::BrokerEvent;
+use vfd_gateway::north::broker::{BrokerEvent, BrokerSession};
 
 /// A process that is suspended for this long notices it.
 const NOTICED: Duration = Duration::from_secs(1);

@@ -1,11 +1,14 @@
-//! The MQTT side of the daemon: a connection to the broker that is made again after every error, and the embedded
-//! broker.
+//! The connections to the broker, each made again after every error, and the embedded broker.
 //!
-//! [`client`] serves a [`BrokerConversation`]: it keeps a connection, hands over what arrives, and sends what is due. The contents
-//! are decided elsewhere.
+//! [`client`] serves a [`BrokerConversation`]: it keeps a connection, hands over what arrives, and sends what is due. The
+//! contents are decided elsewhere: [`speaker`] carries out a session of [`north::broker`](crate::north::broker).
+//!
+//! The MQTT side and the Sparkplug side have a connection each, with its own identifier and will: the will of a Sparkplug edge
+//! node is NDEATH with the number of that very connection, which `bdseq` gives.
 
 mod accepted;
 mod backoff;
+mod bdseq;
 pub mod broker;
 pub mod broker_child;
 pub mod client;
@@ -30,6 +33,7 @@ mod stub;
 #[cfg(test)]
 mod tests;
 
+pub use bdseq::BdSeq;
 pub use client::converse;
 pub use counters::ClientCounters;
 pub use retry::ClientRival;
@@ -40,7 +44,7 @@ use crate::domain::time::MonoTime;
 use crate::north::broker::{BrokerEvent, Publication, SubscriptionFilter};
 use crate::north::clock::ClockMoment;
 
-/// A conversation with the broker, without a socket: the MQTT session and the state it reads.
+/// A conversation with the broker, without a socket: a session and the state it reads.
 ///
 /// Commands in messages are executed in [`handle`](Self::handle) and [`tick`](Self::tick), never in
 /// [`next_packet`](Self::next_packet): that is not called while the queue to the broker is full, and a STOP must not

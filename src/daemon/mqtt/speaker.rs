@@ -1,81 +1,83 @@
-//! The MQTT session with everything it reads: views, lines, answers.
+//! A session with everything it reads: views, lines, answers.
 
-use super::{BrokerConversation, ClientPacket, ClientRival};
+use super::{BdSeq, BrokerConversation, Chore, ClientPacket, ClientRival};
 use crate::daemon::exchange::answers::{AnswerBox, LineNews};
 use crate::daemon::exchange::north_journal::{Journal, NorthJournal};
 use crate::daemon::exchange::shared::{CurrentPlant, SharedLine, SharedPlant};
 use crate::daemon::exchange::to_lines::hand_over;
-use crate::daemon::exchange::totals::MqttTotals;
+use crate::daemon::exchange::totals::BrokerTotals;
 use crate::daemon::host::random;
-use crate::domain::command::Owner;
 use crate::domain::ids::{Name, Ticket};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
-use crate::north::broker::{BrokerEvent, OversizedPublication, Publication, SessionLine, ToLine};
+use crate::north::broker::{
+    BrokerEvent, BrokerSession, OversizedPublication, Publication, SessionAct, SessionLine,
+    SessionNotice, ToLine,
+};
 use crate::north::clock::ClockMoment;
-use crate::north::mqtt::{GatewayIdentity, MqttAct, MqttSession, Settings};
 use std::sync::Arc;
+
+/// What a session is connected to besides the broker.
+#[derive(Debug)]
+pub struct SessionSides<C> {
+    /// The drives and lines.
+    pub current: CurrentPlant,
+    /// The answers of the lines.
+    pub news: Arc<AnswerBox>,
+    /// Where the counts are published.
+    pub totals: Arc<BrokerTotals<C>>,
+    /// Where attempts that reach no line are kept.
+    pub journal: Journal,
+}
 
 /// The gateway's side of the conversation.
 #[derive(Debug)]
-pub struct BrokerSession {
-    session: MqttSession,
-    current: CurrentPlant,
+pub struct SessionSpeaker<S: BrokerSession> {
+    session: S,
+    /// Numbers the connections, if the session needs that.
+    bdseq: Option<BdSeq>,
+    sides: SessionSides<S::Counters>,
     /// The drives and lines of the session.
     shared: Arc<SharedPlant>,
-    news: Arc<AnswerBox>,
-    totals: Arc<MqttTotals>,
-    journal: Journal,
     /// The views as of the last look, in the order of [`SharedPlant::drives`].
     views: Vec<Arc<DriveView>>,
     lines: Vec<SessionLine>,
     batch: Vec<LineNews>,
 }
 
-impl BrokerSession {
-    /// Serves the drives and lines of `current` as this gateway, which answer through `news`. Attempts that reach no line are sent to
-    /// `journal`. Tickets start at `first_ticket`, so that no answer to an earlier session is taken for one to this
-    /// session.
+impl<S: BrokerSession> SessionSpeaker<S> {
+    /// Serves the drives and lines of `sides`; connections are numbered by `bdseq`. Tickets start at `first_ticket`, so
+    /// that no answer to an earlier session is taken for one to this session.
     #[must_use]
     pub fn new(
-        (gateway, settings): (GatewayIdentity, Settings),
-        current: CurrentPlant,
-        news: Arc<AnswerBox>,
-        totals: Arc<MqttTotals>,
-        journal: Journal,
+        settings: S::Settings,
+        bdseq: Option<BdSeq>,
+        sides: SessionSides<S::Counters>,
         first_ticket: Ticket,
         at: ClockMoment,
     ) -> Self {
-        let shared = current.get();
-        let mut session = MqttSession::new(
-            gateway,
-            settings,
-            drives_of(&shared),
-            lines_of(&shared),
-            at,
-            random::secret(),
-        );
+        let shared = sides.current.get();
+        let (drives, lines) = (drives_of(&shared), lines_of(&shared));
+        let mut session = S::new(settings, drives, lines, at, random::secret());
         session.count_tickets_from(first_ticket);
-        let views = Vec::new();
-        let lines = Vec::new();
-        let batch = Vec::new();
-        Self {
+        let mut speaker = Self {
             session,
-            current,
+            bdseq,
+            sides,
             shared,
-            news,
-            totals,
-            journal,
-            views,
-            lines,
-            batch,
-        }
+            views: Vec::new(),
+            lines: Vec::new(),
+            batch: Vec::new(),
+        };
+        // The session may publish before anything changes.
+        speaker.look_at_views();
+        speaker
     }
 
     /// Processes the answers of the lines.
     fn take_news(&mut self, at: ClockMoment) {
-        self.news.take(&mut self.batch);
+        self.sides.news.take(&mut self.batch);
         for news in self.batch.drain(..) {
             match news {
                 LineNews::Command(answer) => self.session.command_answer(at, &answer),
@@ -88,12 +90,11 @@ impl BrokerSession {
 
     /// Follows a change of the configuration. Answers of the old drives are processed first.
     fn follow(&mut self, at: ClockMoment) {
-        let is_the_same = Arc::ptr_eq(&self.current.load(), &self.shared);
-        if is_the_same {
+        if Arc::ptr_eq(&self.sides.current.load(), &self.shared) {
             return;
         }
         self.take_news(at);
-        self.shared = self.current.get();
+        self.shared = self.sides.current.get();
         self.session
             .replace(at, drives_of(&self.shared), lines_of(&self.shared));
         self.look_at_views();
@@ -136,7 +137,7 @@ impl BrokerSession {
         let mut requests = Vec::new();
         while let Some(act) = self.session.next_inward() {
             match act {
-                MqttAct::ToLine(request) => requests.push(request),
+                SessionAct::ToLine(request) => requests.push(request),
                 act => self.execute(at, act),
             }
         }
@@ -144,49 +145,43 @@ impl BrokerSession {
     }
 
     fn hand_over(&mut self, at: ClockMoment, requests: impl IntoIterator<Item = ToLine>) {
-        for ticket in hand_over(&self.shared, Owner::Mqtt, requests) {
+        for ticket in hand_over(&self.shared, S::OWNER, requests) {
             self.session.refused_by_line(at, ticket);
         }
     }
 
-    fn execute(&mut self, at: ClockMoment, act: MqttAct) {
+    fn execute(&mut self, at: ClockMoment, act: SessionAct) {
         match act {
-            MqttAct::ToLine(request) => self.hand_over(at, [request]),
-            MqttAct::Keep(drive, attempt) => {
-                self.tell_journal(|journal| journal.keep(drive, attempt))
+            SessionAct::ToLine(request) => self.hand_over(at, [request]),
+            SessionAct::Keep(drive, attempt) => {
+                self.ask_journal(|journal| journal.keep(drive, attempt))
             }
-            MqttAct::EventTaken(seq) => self.tell_journal(|journal| journal.event_taken(seq)),
-            MqttAct::WantEvents { after } => {
-                self.tell_journal(|journal| journal.want_events(after))
+            SessionAct::EventTaken(seq) => self.ask_journal(|journal| journal.event_taken(seq)),
+            SessionAct::WantEvents { after } => {
+                self.ask_journal(|journal| journal.want_events(after))
             }
-            MqttAct::Subscribe(_) | MqttAct::Publish(_) | MqttAct::Reconnect(_) => {}
+            SessionAct::Subscribe(_)
+            | SessionAct::Publish(_)
+            | SessionAct::Reconnect(_)
+            | SessionAct::Leave(_) => {}
         }
     }
 
-    fn tell_journal(&self, tell: impl FnOnce(&dyn NorthJournal)) {
-        if let Some(journal) = &self.journal {
-            tell(journal.as_ref());
+    fn ask_journal(&self, ask: impl FnOnce(&dyn NorthJournal)) {
+        if let Some(journal) = &self.sides.journal {
+            ask(journal.as_ref());
         }
     }
 
+    /// Logs and publishes what has changed in the session.
     fn count(&mut self, at: ClockMoment) {
-        while let Some(OversizedPublication {
-            topic,
-            bytes,
-            limit,
-        }) = self.session.next_oversized()
-        {
-            tracing::warn!(
-                topic,
-                bytes,
-                limit,
-                "publication is larger than the broker takes; it is not published"
-            );
+        while let Some(notice) = self.session.next_notice() {
+            log(notice);
         }
-        self.totals.set_oversized(self.session.oversized());
-        self.totals.set_clients_gone(self.session.clients_gone());
-        self.totals
-            .set(self.session.is_path_alive(at), &self.session.counters());
+        let totals = &self.sides.totals;
+        totals.set_oversized(self.session.oversized());
+        totals.set_clients_gone(self.session.clients_gone());
+        totals.set(self.session.is_path_alive(at), &self.session.counters());
     }
 }
 
@@ -202,7 +197,56 @@ fn lines_of(shared: &SharedPlant) -> Vec<Name> {
     shared.lines.iter().map(|line| line.name.clone()).collect()
 }
 
-impl BrokerConversation for BrokerSession {
+fn log(notice: SessionNotice) {
+    match notice {
+        SessionNotice::Oversized(OversizedPublication {
+            topic,
+            bytes,
+            limit,
+        }) => tracing::warn!(
+            topic,
+            bytes,
+            limit,
+            "publication is larger than the broker takes; it is not published"
+        ),
+        SessionNotice::ClientsGone(topic) => tracing::warn!(
+            topic,
+            "alive topic says that the clients of the broker are offline; what MQTT holds is given up after `lost_after`"
+        ),
+        SessionNotice::ClientsBack => {
+            tracing::info!("clients of the broker are online again by the alive topic")
+        }
+        SessionNotice::EventRefused => {
+            tracing::error!("broker refused a trip event; no subscriber receives it")
+        }
+        SessionNotice::AliveTopicRefused => tracing::warn!(
+            "broker does not let us read the alive topic; only the probe shows whether it delivers messages"
+        ),
+        SessionNotice::HostBehind { behind_ms } => tracing::warn!(
+            behind_ms,
+            "primary host is online by a STATE message that is older than one before: its clock was ahead; the message \
+             does not count"
+        ),
+    }
+}
+
+impl<S: BrokerSession> BrokerConversation for SessionSpeaker<S> {
+    fn chore(&mut self) -> Option<Chore> {
+        let (number, chore) = self.bdseq.as_mut()?.begin();
+        self.session.connecting(number);
+        chore
+    }
+
+    fn unsent(&mut self) {
+        if let Some(bdseq) = &mut self.bdseq {
+            bdseq.unsent();
+        }
+    }
+
+    fn wants_connection(&self) -> bool {
+        self.session.wants_connection()
+    }
+
     fn will(&self) -> Publication {
         self.session.will()
     }
@@ -212,28 +256,7 @@ impl BrokerConversation for BrokerSession {
         if matches!(event, BrokerEvent::Message(_)) {
             self.look_at_roles(at);
         }
-        let is_answer = matches!(event, BrokerEvent::Subscribed(_));
-        let given_up = self.session.counters().events_refused;
-        let were_gone = self.session.clients_gone().is_some();
         self.session.handle(at, event);
-        match self.session.clients_gone() {
-            Some(topic) if !were_gone => tracing::warn!(
-                topic,
-                "alive topic says that the clients of the broker are offline; what MQTT holds is given up after `lost_after`"
-            ),
-            None if were_gone => {
-                tracing::info!("clients of the broker are online again by the alive topic")
-            }
-            _ => {}
-        }
-        if self.session.counters().events_refused > given_up {
-            tracing::error!("broker refused a trip event; no subscriber receives it");
-        }
-        if is_answer && self.session.counters().alive_refused > 0 {
-            tracing::warn!(
-                "broker does not let us read the alive topic; only the probe shows whether it delivers messages"
-            );
-        }
         self.pass_inward(at);
         self.count(at);
     }
@@ -246,7 +269,7 @@ impl BrokerConversation for BrokerSession {
     }
 
     fn next_wake(&self) -> Option<MonoTime> {
-        [self.session.next_wake(), self.news.next_release()]
+        [self.session.next_wake(), self.sides.news.next_release()]
             .into_iter()
             .flatten()
             .min()
@@ -256,25 +279,35 @@ impl BrokerConversation for BrokerSession {
         loop {
             self.pass_inward(at);
             match self.session.next_act(at, &self.views, &self.lines)? {
-                MqttAct::Subscribe(filters) => return Some(ClientPacket::Subscribe(filters)),
-                MqttAct::Publish(publication) => return Some(ClientPacket::Publish(publication)),
-                MqttAct::Reconnect(reason) => return Some(ClientPacket::Reconnect(reason)),
+                SessionAct::Subscribe(filters) => return Some(ClientPacket::Subscribe(filters)),
+                SessionAct::Publish(publication) => {
+                    return Some(ClientPacket::Publish(publication));
+                }
+                SessionAct::Reconnect(reason) => return Some(ClientPacket::Reconnect(reason)),
+                SessionAct::Leave(reason) => return Some(ClientPacket::Leave(reason)),
                 inward => self.execute(at, inward),
             }
         }
     }
 
     fn contested(&mut self, rival: Option<ClientRival>) {
-        self.totals.contested(rival.is_some());
+        // On standby, the rival is the other gateway of the pair, which has taken the role over.
+        self.sides
+            .totals
+            .contested(rival.is_some() && self.session.wants_connection());
     }
 
     fn lost(&mut self, reason: &str) {
-        self.totals.set_lost(reason);
+        self.sides.totals.set_lost(reason);
     }
 
     fn farewell(&mut self, at: ClockMoment) -> Vec<Publication> {
         self.refresh(at);
-        self.session.see_roles(at, &self.lines);
+        self.look_at_roles(at);
         self.session.farewell(at)
+    }
+
+    fn leaves_will(&self) -> bool {
+        S::LEAVES_WILL
     }
 }

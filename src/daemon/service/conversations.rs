@@ -6,13 +6,12 @@ use crate::daemon::exchange::shared::CurrentPlant;
 use crate::daemon::host::clock;
 use crate::daemon::http::HttpState;
 use crate::daemon::journal::{self, Journal};
-use crate::daemon::mqtt::speaker::BrokerSession;
-use crate::daemon::mqtt::{self, BrokerConversation, ClientCounters, ConnectionSettings};
-use crate::daemon::sparkplug::BdSeq;
-use crate::daemon::sparkplug::speaker::{NodeBrokerSession, SessionSides};
+use crate::daemon::mqtt::speaker::{SessionSides, SessionSpeaker};
+use crate::daemon::mqtt::{self, BdSeq, ClientCounters, ConnectionSettings};
 use crate::domain::ids::Ticket;
-use crate::north::mqtt::{GatewayIdentity, Settings};
-use crate::north::sparkplug;
+use crate::north::broker::BrokerSession;
+use crate::north::mqtt::{GatewayIdentity, MqttSession, Settings};
+use crate::north::sparkplug::{self, SparkplugSession};
 use arc_swap::ArcSwapOption;
 use std::cell::RefCell;
 use std::path::PathBuf;
@@ -118,12 +117,16 @@ impl BrokerConversations {
         let journal = journal::side(self.journal.as_ref(), &self.current);
         let says = async move |(connection, session): Mqtt, totals, news, stopped| {
             let changed = Arc::clone(&current.load().changed);
-            let speaker = BrokerSession::new(
-                session,
+            let sides = SessionSides {
                 current,
                 news,
                 totals,
                 journal,
+            };
+            let speaker = SessionSpeaker::<MqttSession>::new(
+                session,
+                None,
+                sides,
                 first_ticket,
                 clock::moment(),
             );
@@ -159,8 +162,13 @@ impl BrokerConversations {
                 totals,
                 journal,
             };
-            let speaker =
-                NodeBrokerSession::new(settings, bdseq, sides, first_ticket, clock::moment());
+            let speaker = SessionSpeaker::<SparkplugSession>::new(
+                settings,
+                Some(bdseq),
+                sides,
+                first_ticket,
+                clock::moment(),
+            );
             speak(connection, speaker, &changed.sparkplug, stopped).await;
         };
         self.sparkplug = begun_anew(
@@ -242,9 +250,9 @@ impl<W> RunningConversation<W> {
     }
 }
 
-async fn speak<T: BrokerConversation>(
+async fn speak<S: BrokerSession>(
     connection: ConnectionSettings,
-    speaker: T,
+    speaker: SessionSpeaker<S>,
     changed: &Notify,
     stopped: oneshot::Receiver<()>,
 ) {

@@ -10,6 +10,7 @@ use crate::domain::native::{NativeAsk, NativeRequest};
 use crate::domain::time::MonoTime;
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::journal::{AttemptId, TriedWrite, WriteAttempt};
+use crate::north::command_words::short;
 use crate::profile::scale::setpoint_step;
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -386,12 +387,23 @@ impl<C> BrokerCommands<C> {
 
     fn account_for(&mut self, pending: &PendingRequest<C>, report: Report) {
         if let DriveRequest::Order(order) = &pending.request {
-            self.keep_attempt(Some(pending.place), pending.by, tried_by(order), report);
+            self.add_attempt(Some(pending.place), pending.by, tried_by(order), report);
         }
     }
 
-    /// Records an attempt that no line sees; `None` for `tried` if nothing was attempted.
+    /// Records an attempt that no line sees; `None` for `tried` if nothing was attempted. `None` for the drive: it is for
+    /// all, or for one that does not exist.
     pub(in crate::north) fn keep_attempt(
+        &mut self,
+        drive: Option<&DriveDescription>,
+        owner: Owner,
+        tried: Option<TriedWrite>,
+        report: Report,
+    ) {
+        self.add_attempt(drive.map(|drive| drive.place), owner, tried, report);
+    }
+
+    fn add_attempt(
         &mut self,
         place: Option<DriveRef>,
         owner: Owner,
@@ -429,6 +441,13 @@ const fn origin(owner: Owner) -> Origin {
 /// What `order` attempts. Renewing a lease is no attempt.
 pub(in crate::north) fn tried_by(order: &Order) -> Option<TriedWrite> {
     (*order != Order::Renew).then(|| TriedWrite::Order(order.clone()))
+}
+
+/// What was attempted at `place` by something that is no order: on one line, and short.
+pub(in crate::north) fn tried_text(place: &str, says: &str) -> TriedWrite {
+    let visible = |c: char| if c.is_control() { ' ' } else { c };
+    let text = format!("{place}: {}", short(says));
+    TriedWrite::Text(text.chars().map(visible).collect())
 }
 
 /// A frequency outside the limits is refused, and the refusal names the limits; of one between two steps it names the step.

@@ -18,14 +18,35 @@ const TOPICS_MAX: usize = 64;
 #[derive(Debug, Default)]
 pub(in crate::north) struct OversizedTopics {
     all: Vec<OversizedPublication>,
-    /// Topics that were taken by [`next_untold`](Self::next_untold) on this connection: a document whose size swings
+    /// Topics that were taken by [`next_unreported`](Self::next_unreported) on this connection: a document whose size swings
     /// around the limit is reported once.
-    told: Vec<String>,
+    reported: Vec<String>,
 }
 
 impl OversizedTopics {
+    /// Whether a publication on `topic` whose packet has up to `bytes` bytes may be sent. If not, it is added here.
+    pub(in crate::north) fn admits(
+        &mut self,
+        topic: &str,
+        bytes: usize,
+        limit: Option<usize>,
+    ) -> bool {
+        if let Some(limit) = limit
+            && bytes > limit
+        {
+            self.add(OversizedPublication {
+                topic: topic.to_owned(),
+                bytes,
+                limit,
+            });
+            return false;
+        }
+        self.published(topic);
+        true
+    }
+
     /// Adds a publication, in place of an earlier one on its topic.
-    pub(in crate::north) fn add(&mut self, it: OversizedPublication) {
+    fn add(&mut self, it: OversizedPublication) {
         let has_room = self.all.len() < TOPICS_MAX;
         match self.all.iter_mut().find(|known| known.topic == it.topic) {
             Some(known) => *known = it,
@@ -35,7 +56,7 @@ impl OversizedTopics {
     }
 
     /// Something is published on `topic`.
-    pub(in crate::north) fn published(&mut self, topic: &str) {
+    fn published(&mut self, topic: &str) {
         if !self.all.is_empty() {
             self.all.retain(|it| it.topic != topic);
         }
@@ -44,7 +65,7 @@ impl OversizedTopics {
     /// A new connection: what is too large for it shows itself.
     pub(in crate::north) fn forget(&mut self) {
         self.all.clear();
-        self.told.clear();
+        self.reported.clear();
     }
 
     /// All of them.
@@ -53,16 +74,16 @@ impl OversizedTopics {
     }
 
     /// One that was not returned yet. However often a topic is left out, it is returned once on each connection.
-    pub(in crate::north) fn next_untold(&mut self) -> Option<OversizedPublication> {
+    pub(in crate::north) fn next_unreported(&mut self) -> Option<OversizedPublication> {
         let new = self
             .all
             .iter()
-            .find(|it| !self.told.contains(&it.topic))?
+            .find(|it| !self.reported.contains(&it.topic))?
             .clone();
-        if self.told.len() >= TOPICS_MAX {
-            self.told.clear();
+        if self.reported.len() >= TOPICS_MAX {
+            self.reported.clear();
         }
-        self.told.push(new.topic.clone());
+        self.reported.push(new.topic.clone());
         Some(new)
     }
 }
@@ -90,27 +111,27 @@ mod tests {
             list.all(),
             [oversized("state", 2_600), oversized("info", 3_000)]
         );
-        let mut told = || {
-            std::iter::from_fn(|| list.next_untold())
+        let mut reported = || {
+            std::iter::from_fn(|| list.next_unreported())
                 .map(|it| it.topic)
                 .collect::<Vec<_>>()
         };
         assert_eq!(
-            (told(), told()),
+            (reported(), reported()),
             (vec!["state".to_owned(), "info".to_owned()], vec![])
         );
         list.published("state");
         assert_eq!(list.all(), [oversized("info", 3_000)]);
         list.add(oversized("state", 2_700));
         assert_eq!(
-            (list.all().len(), list.next_untold()),
+            (list.all().len(), list.next_unreported()),
             (2, None),
             "its size swings around the limit"
         );
         list.forget();
         list.add(oversized("state", 2_800));
         assert_eq!(
-            (list.all().len(), list.next_untold()),
+            (list.all().len(), list.next_unreported()),
             (1, Some(oversized("state", 2_800))),
             "the next connection"
         );
@@ -125,7 +146,7 @@ mod tests {
         assert_eq!(
             (
                 list.all().len(),
-                std::iter::from_fn(|| list.next_untold()).count()
+                std::iter::from_fn(|| list.next_unreported()).count()
             ),
             (TOPICS_MAX, TOPICS_MAX)
         );

@@ -104,6 +104,22 @@ pub struct Publication {
     pub token: Option<u64>,
 }
 
+impl Publication {
+    /// A publication that the broker neither acknowledges nor retains.
+    #[must_use]
+    pub const fn new(topic: String, payload: Vec<u8>) -> Self {
+        Self {
+            topic,
+            payload,
+            retain: false,
+            qos: Qos::AtMostOnce,
+            expiry: None,
+            correlation: None,
+            token: None,
+        }
+    }
+}
+
 /// Quality of service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Qos {

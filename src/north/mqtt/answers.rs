@@ -6,7 +6,6 @@ use super::payload::RefusedCommand;
 use super::results::{ReplyTopic, ResultContent, values};
 use super::session::MqttSession;
 use crate::domain::command::{CommandAnswer, Order, Outcome, Owner, Reason, Report};
-use crate::domain::ids::{AskerId, Ticket};
 use crate::domain::native::{NativeAnswer, NativeOutcome};
 use crate::drive::snapshot::ValueReading;
 use crate::north::broker::{DriveRequest, PendingRequest, refused_frequency};
@@ -15,31 +14,22 @@ use crate::north::shown::message;
 use serde_json::{Map, Value, json};
 
 impl MqttSession {
-    /// Takes the current outcome of a command. Answers to others, or to commands that are no longer pending, are
-    /// ignored.
-    pub fn command_answer(&mut self, at: ClockMoment, answer: &CommandAnswer) {
-        self.clock.see(at);
-        if answer.asker != AskerId::MQTT {
-            return;
-        }
+    /// Takes the current outcome of one of our commands.
+    pub(super) fn answered(&mut self, at: ClockMoment, answer: &CommandAnswer) {
         if answer.is_final {
-            if let Some(pending) = self.commands.take(answer.ticket) {
+            if let Some(pending) = self.link.commands.take(answer.ticket) {
                 self.end(at, &pending, answer.report);
             }
-        } else if let Some(pending) = self.commands.get(answer.ticket).cloned()
+        } else if let Some(pending) = self.link.commands.get(answer.ticket).cloned()
             && !self.is_left_to_another(&pending, answer.report)
         {
             self.tell_stage(at, &pending, answer.report, false);
         }
     }
 
-    /// Takes the answer to a read. Answers to others, or to reads that are no longer pending, are ignored.
-    pub fn native_answer(&mut self, at: ClockMoment, answer: &NativeAnswer) {
-        self.clock.see(at);
-        if answer.asker != AskerId::MQTT {
-            return;
-        }
-        let Some(pending) = self.commands.take(answer.ticket) else {
+    /// Takes the answer to one of our reads.
+    pub(super) fn read_answered(&mut self, at: ClockMoment, answer: &NativeAnswer) {
+        let Some(pending) = self.link.commands.take(answer.ticket) else {
             return;
         };
         let (DriveRequest::Read(register), NativeOutcome::Words(words)) =
@@ -67,14 +57,6 @@ impl MqttSession {
                 );
             }
             _ => self.end(at, &pending, Report::new(Outcome::Failed, Reason::NoReply)),
-        }
-    }
-
-    /// Takes the notice that a line could not accept the request with this ticket, because its inbox was full.
-    pub fn refused_by_line(&mut self, at: ClockMoment, ticket: Ticket) {
-        self.clock.see(at);
-        if let Some((pending, report)) = self.commands.refused_by_line(ticket) {
-            self.end(at, &pending, report);
         }
     }
 
@@ -212,7 +194,7 @@ impl MqttSession {
             values,
         } = stage;
         let drive = self.drives[drive].name.as_str();
-        let at = self.clock.text(at.mono);
+        let at = self.link.clock.text(at.mono);
         let topic = self.topics.drive(drive, "result");
         let message = message.as_deref();
         let told = ResultContent {
@@ -242,7 +224,7 @@ impl MqttSession {
         let report = Report::refused(refused.reason);
         let message = Some(refused.message.as_str());
         let values = Map::new();
-        let at = self.clock.text(at.mono);
+        let at = self.link.clock.text(at.mono);
         let by = *by;
         let is_final = true;
         let is_repeat = false;

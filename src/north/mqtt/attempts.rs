@@ -1,26 +1,8 @@
 //! How a message that attempted a write but gave no command is recorded in the journal.
 
-use super::payload::short;
-use super::session::MqttSession;
 use super::topics::InputAddress;
-use crate::domain::command::{Owner, Report};
 use crate::journal::TriedWrite;
-
-impl MqttSession {
-    /// Records an attempt that no line sees. `drive` is its place in the session's list.
-    pub(super) fn keep(
-        &mut self,
-        drive: Option<usize>,
-        owner: Owner,
-        tried: Option<TriedWrite>,
-        report: Report,
-    ) {
-        let place = drive
-            .and_then(|drive| self.drives.get(drive))
-            .map(|drive| drive.place);
-        self.commands.keep_attempt(place, owner, tried, report);
-    }
-}
+use crate::north::broker::tried_text;
 
 /// What a payload that is no order attempts at `place`; an empty one attempts nothing.
 pub(super) fn of_text(place: InputAddress<'_>, topic: &str, payload: &[u8]) -> Option<TriedWrite> {
@@ -36,13 +18,7 @@ pub(super) fn text(topic: &str, payload: &[u8]) -> TriedWrite {
     let skipped = topic.chars().count().saturating_sub(TOPIC_CHARS);
     let topic: String = topic.chars().skip(skipped).collect();
     let payload = String::from_utf8_lossy(start);
-    let visible = |c: char| if c.is_control() { ' ' } else { c };
-    TriedWrite::Text(
-        format!("{topic}: {}", short(&payload))
-            .chars()
-            .map(visible)
-            .collect(),
-    )
+    tried_text(&topic, &payload)
 }
 
 #[cfg(test)]

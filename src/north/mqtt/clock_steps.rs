@@ -1,8 +1,7 @@
 //! The wall clock is set while the session runs: this affects only labels and `issued_at`. No other machine of the
 //! gateway is ever given the wall clock.
 
-use super::harness::{EPOCH_MS, Rig, Staged, commands, result};
-use super::types::MqttAct;
+use super::harness::{BrokerSession, EPOCH_MS, Rig, SessionAct, commands, result};
 use crate::domain::command::{Outcome, Reason};
 use crate::domain::time::MonoTime;
 use crate::north::broker::{BrokerEvent, MqttVersion, Publication};
@@ -30,10 +29,10 @@ fn take_labels(value: &mut Value) {
 }
 
 /// What is done, without labels. A trip that is shown with its moment is shown again when that moment changes.
-fn done(acts: Vec<MqttAct>) -> Vec<String> {
-    let told = |act: MqttAct| match act {
-        MqttAct::Publish(it) if it.topic.ends_with("/trip/last") => None,
-        MqttAct::Publish(it) => Some(format!(
+fn done(acts: Vec<SessionAct>) -> Vec<String> {
+    let told = |act: SessionAct| match act {
+        SessionAct::Publish(it) if it.topic.ends_with("/trip/last") => None,
+        SessionAct::Publish(it) => Some(format!(
             "{:?} {:?}",
             unlabelled(&it),
             (it.retain, it.qos, it.expiry)
@@ -48,7 +47,7 @@ fn played(steps: &[i64]) -> Vec<String> {
     let mut steps = steps.iter().copied().cycle();
     let mut rig = Rig::born(MqttVersion::V5);
     let mut all = Vec::new();
-    let mut part = |rig: &mut Rig, acts: Vec<MqttAct>| {
+    let mut part = |rig: &mut Rig, acts: Vec<SessionAct>| {
         all.extend(done(acts));
         all.push(format!(
             "{:?} {:?}",

@@ -1,10 +1,10 @@
 //! The effects of messages: commands, refusals, results.
 
 use super::harness::{
-    EPOCH_MS, Rig, Staged, commands, kept, message, on, orders, publications, published_texts,
-    reads, result, results, settings,
+    BrokerSession, EPOCH_MS, Rig, SessionAct, commands, kept, message, on, orders, publications,
+    published_texts, reads, result, results, settings,
 };
-use super::types::{MqttAct, Settings};
+use super::types::Settings;
 use crate::domain::command::{
     Direction, GoOrder, Order, Outcome, Owner, Reason, RegisterWrite, Report,
 };
@@ -42,7 +42,7 @@ fn go(registers: Vec<RegisterWrite>, frequency: Option<u32>, run: Option<Directi
 }
 
 /// An order to run, and its effect while no probe returns.
-fn run_without_echo(rig: &mut Rig) -> Vec<MqttAct> {
+fn run_without_echo(rig: &mut Rig) -> Vec<SessionAct> {
     rig.handle(BrokerEvent::Message(message(
         "vfd/plant/drive/pump/run/set",
         b"forward",
@@ -51,10 +51,10 @@ fn run_without_echo(rig: &mut Rig) -> Vec<MqttAct> {
 }
 
 /// The probe that is sent.
-fn probe(acts: &[MqttAct]) -> Publication {
+fn probe(acts: &[SessionAct]) -> Publication {
     let is_probe =
-        |act: &&MqttAct| matches!(act, MqttAct::Publish(it) if it.topic == "vfd/plant/probe");
-    let Some(MqttAct::Publish(probe)) = acts.iter().find(is_probe) else {
+        |act: &&SessionAct| matches!(act, SessionAct::Publish(it) if it.topic == "vfd/plant/probe");
+    let Some(SessionAct::Publish(probe)) = acts.iter().find(is_probe) else {
         panic!("no probe in {acts:?}")
     };
     probe.clone()
@@ -252,7 +252,7 @@ fn what_comes_to_nothing_is_kept_with_who_what_and_why() {
         let mut rig = Rig::born(MqttVersion::V5);
         let acts = rig.send(topic, payload);
         let place = acts.iter().find_map(|act| {
-            if let MqttAct::Keep(drive, _) = act {
+            if let SessionAct::Keep(drive, _) = act {
                 Some(*drive)
             } else {
                 None
@@ -806,7 +806,7 @@ fn a_probe_from_before_the_stall_proves_nothing_and_a_new_connection_all() {
     assert!(
         !rig.acts_without_echo()
             .iter()
-            .any(|act| matches!(act, MqttAct::Reconnect(_))),
+            .any(|act| matches!(act, SessionAct::Reconnect(_))),
         "it is not the probe that is late"
     );
     rig.handle(BrokerEvent::Message(message(
@@ -896,7 +896,7 @@ fn a_new_connection_is_no_way_for_commands_before_its_first_probe_is_back() {
     rig.handle(BrokerEvent::Connected(rig.broker));
     let acts = rig.acts_without_echo();
     let filters = acts.iter().find_map(|act| {
-        if let MqttAct::Subscribe(it) = act {
+        if let SessionAct::Subscribe(it) = act {
             Some(it.len())
         } else {
             None
@@ -1196,7 +1196,7 @@ fn what_nobody_fetches_stays_bounded() {
     }
     let inward: Vec<_> = std::iter::from_fn(|| rig.session.next_inward()).collect();
     assert!(
-        inward.iter().all(|act| matches!(act, MqttAct::Keep(..))),
+        inward.iter().all(|act| matches!(act, SessionAct::Keep(..))),
         "all are given up"
     );
     assert_eq!(inward.len(), crate::north::broker::ATTEMPTS_MAX);
@@ -1270,6 +1270,6 @@ proptest! {
         prop_assert!(kept(&acts).iter().all(|attempt| attempt.report.is_some()));
         let is_stop = orders(&acts).iter().all(|order| order.is_stop());
         prop_assert!(!retain || is_stop);
-        prop_assert!(!acts.iter().any(|act| matches!(act, MqttAct::Reconnect(_))));
+        prop_assert!(!acts.iter().any(|act| matches!(act, SessionAct::Reconnect(_))));
     }
 }

@@ -44,11 +44,11 @@ impl MqttSession {
     ) {
         let is_a_stop = wish.order.is_stop();
         if is_a_stop {
-            while let Some((pending, report)) = self.commands.give_way_to_stop(drive) {
+            while let Some((pending, report)) = self.link.commands.give_way_to_stop(drive) {
                 self.end(at, &pending, report);
             }
         }
-        let ticket = self.commands.next_ticket();
+        let ticket = self.link.commands.next_ticket();
         let is_new_id = || {
             let by_id = (asker.by, &asker.id);
             self.seen[drive].look(at.mono, by_id, &wish.order, wish.epoch) == IdState::New
@@ -85,7 +85,7 @@ impl MqttSession {
                 remark,
             },
         };
-        self.commands.give(&self.drives[drive], command);
+        self.link.commands.give(&self.drives[drive], command);
     }
 
     pub(super) fn read(
@@ -96,7 +96,7 @@ impl MqttSession {
         register: usize,
         message: &BrokerMessage<'_>,
     ) {
-        if !self.commands.has_room_for_read() {
+        if !self.link.commands.has_room_for_read() {
             return self.refuse_for(
                 at,
                 drive,
@@ -115,7 +115,7 @@ impl MqttSession {
             return;
         };
         let read = NewRead {
-            ticket: self.commands.next_ticket(),
+            ticket: self.link.commands.next_ticket(),
             drive,
             by: asker.by,
             register,
@@ -130,12 +130,12 @@ impl MqttSession {
                 remark: None,
             },
         };
-        self.commands.read(description, read);
+        self.link.commands.read(description, read);
     }
 
     /// Gives up what should have been answered long ago.
     pub(super) fn drop_overdue(&mut self, at: ClockMoment) {
-        while let Some((pending, report)) = self.commands.take_overdue(at.mono) {
+        while let Some((pending, report)) = self.link.commands.take_overdue(at.mono) {
             self.counters.unanswered += 1;
             self.end(at, &pending, report);
         }
@@ -157,7 +157,7 @@ impl MqttSession {
 
     /// An id for a client that gave none.
     pub(super) fn next_id(&mut self) -> Value {
-        let Ticket(number) = self.commands.next_ticket();
+        let Ticket(number) = self.link.commands.next_ticket();
         format!("{}-{number}", self.run).into()
     }
 }

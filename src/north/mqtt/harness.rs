@@ -1,22 +1,18 @@
 //! Shared by the tests of the session: a broker that is played by hand, and helpers that read what the session does.
 
 use super::session::MqttSession;
-use super::types::{GatewayIdentity, LeaseMode, MqttAct, Settings, TopicTree};
-use crate::domain::command::{
-    CommandAnswer, CommandRequest, Direction, Order, Outcome, Reason, Report,
-};
+use super::types::{GatewayIdentity, LeaseMode, Settings, TopicTree};
+use crate::domain::command::Direction;
 use crate::domain::control::{ControlSettings, FailSafe};
-use crate::domain::ids::{AskerId, DriveIndex, Ticket};
 use crate::domain::native::NativeRequest;
-use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
-use crate::journal::WriteAttempt;
-use crate::north::broker::{BrokerEvent, BrokerMessage, MqttVersion, Publication, Qos, ToLine};
-use crate::north::clock::ClockMoment;
-use crate::north::stage::{self, Stage};
-pub(super) use crate::north::stage::{EPOCH_MS, Staged, idle_control, message, model, name};
+pub(super) use crate::north::broker::{BrokerSession, SessionAct};
+use crate::north::broker::{MqttVersion, Publication, Qos, ToLine};
+use crate::north::stage;
+pub(super) use crate::north::stage::{
+    EPOCH_MS, commands, idle_control, kept, message, model, name, orders, publications,
+};
 use serde_json::Value;
-use std::ops::{Deref, DerefMut};
 use std::time::Duration;
 
 pub(super) fn identity() -> GatewayIdentity {
@@ -60,56 +56,7 @@ pub(super) fn drives() -> Vec<DriveDescription> {
 }
 
 /// A session with its surroundings.
-pub(super) struct Rig {
-    pub(super) session: MqttSession,
-    pub(super) stage: Stage,
-}
-
-impl Deref for Rig {
-    type Target = Stage;
-
-    fn deref(&self) -> &Stage {
-        &self.stage
-    }
-}
-
-impl DerefMut for Rig {
-    fn deref_mut(&mut self) -> &mut Stage {
-        &mut self.stage
-    }
-}
-
-impl Staged for Rig {
-    type Act = MqttAct;
-
-    fn stage(&mut self) -> &mut Stage {
-        &mut self.stage
-    }
-
-    fn next_wake(&self) -> Option<MonoTime> {
-        self.session.next_wake()
-    }
-
-    fn tick(&mut self, at: ClockMoment) {
-        self.session.tick(at);
-    }
-
-    fn acts(&mut self) -> Vec<MqttAct> {
-        let mut all = Vec::new();
-        loop {
-            let more = self.acts_without_echo();
-            let probes: Vec<_> = more.iter().filter_map(probe_payload).collect();
-            let is_over = probes.is_empty();
-            all.extend(more);
-            for payload in probes {
-                self.handle(BrokerEvent::Message(message("vfd/plant/probe", &payload)));
-            }
-            if is_over {
-                return all;
-            }
-        }
-    }
-}
+pub(super) type Rig = stage::Rig<MqttSession>;
 
 impl Rig {
     pub(super) fn new(version: MqttVersion) -> Self {
@@ -117,16 +64,11 @@ impl Rig {
     }
 
     pub(super) fn with(settings: Settings) -> Self {
-        Self::of(identity(), settings)
+        Self::as_gateway(identity(), settings)
     }
 
-    pub(super) fn of(gateway: GatewayIdentity, settings: Settings) -> Self {
-        let stage = Stage::new();
-        let lines = vec![name("hall")];
-        Self {
-            session: MqttSession::new(gateway, settings, drives(), lines, stage.at(), 7),
-            stage,
-        }
+    pub(super) fn as_gateway(gateway: GatewayIdentity, settings: Settings) -> Self {
+        Self::of((gateway, settings), drives(), "vfd/plant/probe")
     }
 
     /// A session that is born, with `pump` polled just now; what was published for it is omitted.
@@ -137,100 +79,27 @@ impl Rig {
         rig
     }
 
-    pub(super) fn handle(&mut self, event: BrokerEvent<'_>) {
-        self.session.handle(self.stage.at(), event);
-    }
-
     /// Connects and plays the broker up to the end of the birth. Returns everything that was done.
-    pub(super) fn connect(&mut self) -> Vec<MqttAct> {
-        self.handle(BrokerEvent::Connected(self.broker));
-        let mut all = self.acts();
-        let granted = all.iter().find_map(|act| match act {
-            MqttAct::Subscribe(filters) => Some(vec![true; filters.len()]),
-            _ => None,
-        });
-        self.handle(BrokerEvent::Subscribed(granted.expect("a subscription")));
-        all.extend(self.acts());
-        all
+    pub(super) fn connect(&mut self) -> Vec<SessionAct> {
+        self.connect_and_grant().concat()
     }
 
     /// Everything that is to be done now; no probe returns.
-    pub(super) fn acts_without_echo(&mut self) -> Vec<MqttAct> {
-        self.stage.show();
-        let mut all = Vec::new();
-        while let Some(act) =
-            self.session
-                .next_act(self.stage.at(), &self.stage.shown, &self.stage.lines)
-        {
-            all.push(act);
-            assert!(all.len() < 10_000, "no end of acts");
-        }
+    pub(super) fn acts_without_echo(&mut self) -> Vec<SessionAct> {
+        self.is_deaf = true;
+        let all = self.acts();
+        self.is_deaf = false;
         all
     }
 
     /// Delivers a message on `rest` below the gateway's topics, and returns its effects.
-    pub(super) fn send(&mut self, rest: &str, payload: &[u8]) -> Vec<MqttAct> {
-        self.deliver(&BrokerMessage {
-            ..message(&format!("vfd/plant/{rest}"), payload)
-        })
+    pub(super) fn send(&mut self, rest: &str, payload: &[u8]) -> Vec<SessionAct> {
+        self.deliver(&message(&format!("vfd/plant/{rest}"), payload))
     }
-
-    pub(super) fn deliver(&mut self, message: &BrokerMessage<'_>) -> Vec<MqttAct> {
-        self.handle(BrokerEvent::Message(message.clone()));
-        self.acts()
-    }
-
-    /// The line answers.
-    pub(super) fn answer(
-        &mut self,
-        ticket: Ticket,
-        outcome: Outcome,
-        reason: Reason,
-        is_final: bool,
-    ) -> Vec<MqttAct> {
-        self.report(ticket, Report::new(outcome, reason), is_final)
-    }
-
-    pub(super) fn report(
-        &mut self,
-        ticket: Ticket,
-        report: Report,
-        is_final: bool,
-    ) -> Vec<MqttAct> {
-        let answer = CommandAnswer {
-            asker: AskerId::MQTT,
-            ticket,
-            drive: DriveIndex(0),
-            report,
-            is_final,
-        };
-        self.session.command_answer(self.stage.at(), &answer);
-        self.acts()
-    }
-}
-
-fn probe_payload(act: &MqttAct) -> Option<Vec<u8>> {
-    match act {
-        MqttAct::Publish(it) if it.topic == "vfd/plant/probe" => Some(it.payload.clone()),
-        _ => None,
-    }
-}
-
-pub(super) fn publications(acts: &[MqttAct]) -> Vec<&Publication> {
-    let published = acts.iter().filter_map(|act| {
-        if let MqttAct::Publish(it) = act {
-            Some(it)
-        } else {
-            None
-        }
-    });
-    published
-        .filter(|it| it.topic != "vfd/plant/probe")
-        .collect()
 }
 
 /// Topics below the gateway's with their payloads, as text.
-pub(super) fn published_texts(acts: &[MqttAct]) -> Vec<(String, String)> {
+pub(super) fn published_texts(acts: &[SessionAct]) -> Vec<(String, String)> {
     let text = |it: &&Publication| {
         let topic = it
             .topic
@@ -243,7 +112,7 @@ pub(super) fn published_texts(acts: &[MqttAct]) -> Vec<(String, String)> {
 }
 
 /// The payload on a topic; the last if there are several.
-pub(super) fn on(acts: &[MqttAct], topic: &str) -> Option<String> {
+pub(super) fn on(acts: &[SessionAct], topic: &str) -> Option<String> {
     published_texts(acts)
         .into_iter()
         .rev()
@@ -252,7 +121,7 @@ pub(super) fn on(acts: &[MqttAct], topic: &str) -> Option<String> {
 }
 
 /// What was published on a drive's or the gateway's result topic.
-pub(super) fn results(acts: &[MqttAct]) -> Vec<Value> {
+pub(super) fn results(acts: &[SessionAct]) -> Vec<Value> {
     let results = published_texts(acts)
         .into_iter()
         .filter(|(topic, _)| topic.ends_with("/result"));
@@ -262,49 +131,17 @@ pub(super) fn results(acts: &[MqttAct]) -> Vec<Value> {
 }
 
 /// The one result, as outcome and reason.
-pub(super) fn result(acts: &[MqttAct]) -> (String, String) {
+pub(super) fn result(acts: &[SessionAct]) -> (String, String) {
     let all = results(acts);
     assert_eq!(all.len(), 1, "{all:?}");
     let word = |key: &str| all[0][key].as_str().expect("a word").to_owned();
     (word("outcome"), word("reason"))
 }
 
-pub(super) fn commands(acts: &[MqttAct]) -> Vec<&CommandRequest> {
+pub(super) fn reads(acts: &[SessionAct]) -> Vec<&NativeRequest> {
     acts.iter()
         .filter_map(|act| {
-            if let MqttAct::ToLine(ToLine::Command(_, request)) = act {
-                Some(request)
-            } else {
-                None
-            }
-        })
-        .collect()
-}
-
-pub(super) fn orders(acts: &[MqttAct]) -> Vec<&Order> {
-    commands(acts)
-        .into_iter()
-        .map(|request| &request.order)
-        .collect()
-}
-
-/// Attempts that no line saw.
-pub(super) fn kept(acts: &[MqttAct]) -> Vec<&WriteAttempt> {
-    acts.iter()
-        .filter_map(|act| {
-            if let MqttAct::Keep(_, attempt) = act {
-                Some(attempt)
-            } else {
-                None
-            }
-        })
-        .collect()
-}
-
-pub(super) fn reads(acts: &[MqttAct]) -> Vec<&NativeRequest> {
-    acts.iter()
-        .filter_map(|act| {
-            if let MqttAct::ToLine(ToLine::Read(_, request)) = act {
+            if let SessionAct::ToLine(ToLine::Read(_, request)) = act {
                 Some(request)
             } else {
                 None

@@ -13,7 +13,9 @@ use crate::domain::command::{Order, Owner, Reason, Report};
 use crate::domain::ids::{CommanderName, Name};
 use crate::domain::problem::nearest;
 use crate::journal::TriedWrite;
-use crate::north::broker::{BrokerMessage, MqttVersion, ReturnedProbe, tried_by};
+use crate::north::broker::{
+    BrokerMessage, BrokerSession, MqttVersion, ReturnedProbe, SessionNotice, tried_by,
+};
 use crate::north::clock::ClockMoment;
 use crate::north::command_words::{beside_a_stop, without_mark};
 
@@ -32,19 +34,29 @@ impl MqttSession {
         match self.topics.parse(message.topic) {
             None => self.counters.ignored += u64::from(!is_discovery),
             Some(MqttInbound::Probe) => self.probe(at, message),
-            Some(MqttInbound::Alive) => {
-                let says = std::str::from_utf8(without_mark(message.payload)).unwrap_or_default();
-                self.are_commanders_gone = says.trim().eq_ignore_ascii_case("offline");
-            }
+            Some(MqttInbound::Alive) => self.alive(message),
             Some(MqttInbound::AllRun) => self.all_run(at, message),
             Some(MqttInbound::Told(told)) => self.hear(at.mono, told, message),
             Some(MqttInbound::Drive(place)) => self.drive_input(at, place, message),
         }
     }
 
+    fn alive(&mut self, message: &BrokerMessage<'_>) {
+        let says = std::str::from_utf8(without_mark(message.payload)).unwrap_or_default();
+        let were_gone = self.clients_gone().is_some();
+        self.are_commanders_gone = says.trim().eq_ignore_ascii_case("offline");
+        let notice = match self.clients_gone() {
+            Some(topic) if !were_gone => SessionNotice::ClientsGone(topic.to_owned()),
+            None if were_gone => SessionNotice::ClientsBack,
+            _ => return,
+        };
+        self.link.notify(notice);
+    }
+
     fn probe(&mut self, at: ClockMoment, message: &BrokerMessage<'_>) {
-        let was_open = self.path.is_open();
-        if message.retain || self.path.returned(at.mono, message.payload) == ReturnedProbe::Foreign
+        let was_open = self.link.path.is_open();
+        if message.retain
+            || self.link.path.returned(at.mono, message.payload) == ReturnedProbe::Foreign
         {
             return;
         }
@@ -54,9 +66,9 @@ impl MqttSession {
             self.speak(at.mono);
             self.announce(at.mono);
         }
-        let is_alive = self.path.is_sign_of_life(at.mono) && !self.are_commanders_gone;
+        let is_alive = self.link.path.is_sign_of_life(at.mono) && !self.are_commanders_gone;
         if is_alive && self.settings.lease == LeaseMode::Session {
-            self.commands.path_alive();
+            self.link.commands.path_alive();
         }
     }
 
@@ -290,7 +302,7 @@ impl MqttSession {
             }
         }
         let dated = self.date(at, &mut wish);
-        let has_room = self.commands.has_room_for_command();
+        let has_room = self.link.commands.has_room_for_command();
         let queue_full = || RefusedCommand::plain(Reason::QueueFull);
         match dated.and_then(|()| has_room.then_some(()).ok_or_else(queue_full)) {
             Ok(()) => {
@@ -362,14 +374,14 @@ impl MqttSession {
         let ttl = wish.ttl.unwrap_or(self.settings.command_ttl);
         let issue = wish
             .issued_at
-            .map(|issued_at| self.issued.take(at, issued_at))
+            .map(|issued_at| self.link.issued.take(at, issued_at))
             .transpose()?;
-        if self.path.is_unproven() {
+        if self.link.path.is_unproven() {
             return Err(RefusedCommand::new(Reason::Stale, WAY_UNPROVEN));
         }
         let age = issue
             .as_ref()
-            .map_or_else(|| self.path.may_have_waited(), |issue| issue.age);
+            .map_or_else(|| self.link.path.may_have_waited(), |issue| issue.age);
         if age > ttl {
             return Err(RefusedCommand::plain(Reason::Stale));
         }
@@ -378,6 +390,18 @@ impl MqttSession {
             wish.remark = issue.remark;
         }
         Ok(())
+    }
+
+    /// Records an attempt that no line sees. `drive` is its place in the session's list.
+    fn keep(
+        &mut self,
+        drive: Option<usize>,
+        owner: Owner,
+        tried: Option<TriedWrite>,
+        report: Report,
+    ) {
+        let drive = drive.and_then(|drive| self.drives.get(drive));
+        self.link.commands.keep_attempt(drive, owner, tried, report);
     }
 
     /// Refuses what was attempted on a drive, before it reaches a line.

@@ -67,6 +67,4 @@ pub(in crate::north) use drive_topics::{code as trip_code, trips_are_fresh};
 pub(in crate::north) use kinds::{TopicKind, kinds};
 pub(in crate::north) use points::PublishedPoints;
 pub use session::MqttSession;
-pub use types::{
-    CombinedEntity, GatewayIdentity, HomeAssistant, LeaseMode, MqttAct, Settings, TopicTree,
-};
+pub use types::{CombinedEntity, GatewayIdentity, HomeAssistant, LeaseMode, Settings, TopicTree};

@@ -1,7 +1,7 @@
 //! What outlives a broken connection: events that a journal keeps, and telemetry of the time without a broker.
 
-use super::harness::{Rig, Staged, drives, publications, settings};
-use super::types::{MqttAct, Settings};
+use super::harness::{BrokerSession, Rig, SessionAct, drives, publications, settings};
+use super::types::Settings;
 use crate::journal::StoredEvent;
 use crate::north::broker::{BrokerEvent, MqttVersion, Publication, Qos};
 use proptest::prelude::*;
@@ -27,14 +27,14 @@ struct Journal {
 impl Journal {
     const GIVEN_MAX: usize = 5;
 
-    fn act(&mut self, act: &MqttAct) {
+    fn act(&mut self, act: &SessionAct) {
         match act {
-            MqttAct::WantEvents { after } => self.want = Some(*after),
-            MqttAct::EventTaken(seq) => {
+            SessionAct::WantEvents { after } => self.want = Some(*after),
+            SessionAct::EventTaken(seq) => {
                 assert!(!self.taken.contains(seq) && self.published.contains(seq));
                 self.taken.push(*seq);
             }
-            MqttAct::Publish(it) if it.topic == "vfd/plant/drive/pump/trip/event" => {
+            SessionAct::Publish(it) if it.topic == "vfd/plant/drive/pump/trip/event" => {
                 self.publish(it)
             }
             _ => {}
@@ -120,7 +120,7 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
     prop::collection::vec(step, 1..120)
 }
 
-fn act(rig: &mut Rig, journal: &mut Journal, acts: Vec<MqttAct>) {
+fn act(rig: &mut Rig, journal: &mut Journal, acts: Vec<SessionAct>) {
     let more = rig.acts();
     acts.iter().chain(&more).for_each(|act| journal.act(act));
 }
@@ -189,7 +189,7 @@ fn keeping(keep_telemetry: usize) -> Rig {
     rig
 }
 
-fn history(acts: &[MqttAct]) -> Vec<(Value, u64)> {
+fn history(acts: &[SessionAct]) -> Vec<(Value, u64)> {
     let all = publications(acts)
         .into_iter()
         .filter(|it| it.topic == "vfd/plant/drive/pump/history");

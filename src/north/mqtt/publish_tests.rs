@@ -1,10 +1,11 @@
 //! Which trees are published, and how each point is: heartbeat, decimals, dead band.
 
 use super::harness::{
-    Rig, Staged, drives, identity, name, on, publications, published_texts, settings,
+    BrokerSession, Rig, SessionAct, drives, identity, name, on, publications, published_texts,
+    settings,
 };
 use super::session::MqttSession;
-use super::types::{MqttAct, Settings, TopicTree};
+use super::types::{Settings, TopicTree};
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::{DriveDescription, DriveRatings, PointSettings};
 use crate::north::broker::{BrokerEvent, MqttVersion};
@@ -32,8 +33,7 @@ fn with_drive(version: MqttVersion, change: impl FnOnce(&mut DriveDescription)) 
     let mut drives = drives();
     change(&mut drives[0]);
     rig.session = MqttSession::new(
-        identity(),
-        settings(version),
+        (identity(), settings(version)),
         drives,
         vec![name("hall")],
         rig.at(),
@@ -49,14 +49,14 @@ fn of_output<T>(it: T) -> Vec<(String, T)> {
 }
 
 /// Everything that is done up to the next poll this many milliseconds later, which finds no change.
-fn polled_after(rig: &mut Rig, millis: u64) -> Vec<MqttAct> {
+fn polled_after(rig: &mut Rig, millis: u64) -> Vec<SessionAct> {
     let acts = rig.pass(millis);
     rig.poll(0, 3_000);
     [acts, rig.acts()].concat()
 }
 
 /// Topics that are not empty in the end.
-fn filled(acts: &[MqttAct]) -> Vec<String> {
+fn filled(acts: &[SessionAct]) -> Vec<String> {
     published_texts(acts)
         .into_iter()
         .filter(|(_, payload)| !payload.is_empty())

@@ -1,12 +1,12 @@
 //! A broker that does not accept events: what is sent again, what is given up, and that nothing is blocked for ever.
 
-use super::harness::{Rig, Staged, drives, publications, settings};
-use super::types::{MqttAct, Settings};
+use super::harness::{BrokerSession, Rig, SessionAct, drives, publications, settings};
+use super::types::Settings;
 use crate::journal::StoredEvent;
 use crate::north::broker::{BrokerEvent, MqttVersion, PublicationRefusal};
 
 /// A session with `count` stored events on their way to the broker.
-fn rig(count: u64) -> (Rig, Vec<MqttAct>) {
+fn rig(count: u64) -> (Rig, Vec<SessionAct>) {
     let mut rig = Rig::born(MqttVersion::V5);
     let drive = drives().swap_remove(0).name;
     let event = |seq: u64| StoredEvent {
@@ -21,7 +21,7 @@ fn rig(count: u64) -> (Rig, Vec<MqttAct>) {
 }
 
 /// Numbers and tokens of the events that are published.
-fn events(acts: &[MqttAct]) -> Vec<(u64, u64)> {
+fn events(acts: &[SessionAct]) -> Vec<(u64, u64)> {
     let all = publications(acts)
         .into_iter()
         .filter(|it| it.topic.ends_with("/trip/event"));
@@ -34,14 +34,14 @@ fn events(acts: &[MqttAct]) -> Vec<(u64, u64)> {
     .collect()
 }
 
-fn numbers(acts: &[MqttAct]) -> Vec<u64> {
+fn numbers(acts: &[SessionAct]) -> Vec<u64> {
     events(acts).into_iter().map(|(number, _)| number).collect()
 }
 
-fn taken(acts: &[MqttAct]) -> Vec<u64> {
+fn taken(acts: &[SessionAct]) -> Vec<u64> {
     acts.iter()
         .filter_map(|act| {
-            if let MqttAct::EventTaken(seq) = act {
+            if let SessionAct::EventTaken(seq) = act {
                 Some(*seq)
             } else {
                 None

@@ -3,30 +3,28 @@
 use super::command_ids::CommandIds;
 use super::home_assistant::DiscoveryPlant;
 use super::session::MqttSession;
-use crate::domain::ids::{Name, Ticket};
+use crate::domain::ids::Name;
 use crate::drive::description::DriveDescription;
 use crate::north::clock::ClockMoment;
 
 impl MqttSession {
-    /// Ticket numbers continue from this one.
-    pub const fn count_tickets_from(&mut self, first: Ticket) {
-        self.commands.count_tickets_from(first);
-    }
-
-    /// Replaces drives and lines. A drive continues if its place and name are the same; requests to the others no
-    /// longer have an answer. Topics of what was removed are cleared.
-    pub fn replace(&mut self, at: ClockMoment, drives: Vec<DriveDescription>, lines: Vec<Name>) {
-        self.clock.see(at);
+    /// Replaces drives and lines.
+    pub(super) fn replace_plant(
+        &mut self,
+        at: ClockMoment,
+        drives: Vec<DriveDescription>,
+        lines: Vec<Name>,
+    ) {
         let goes_on = |old: &DriveDescription| {
             drives
                 .iter()
                 .position(|it| it.place == old.place && it.name == old.name)
         };
         let moved: Vec<_> = self.drives.iter().map(goes_on).collect();
-        while let Some((pending, report)) = self.commands.take_gone(&moved) {
+        while let Some((pending, report)) = self.link.commands.take_gone(&moved) {
             self.end(at, &pending, report);
         }
-        self.commands.move_drives(&moved);
+        self.link.commands.move_drives(&moved);
         let mut seen = std::mem::take(&mut self.seen);
         // Ids survive a restart of the drive's line: a command that arrived once is not executed twice.
         let known = |name: &Name| self.drives.iter().position(|it| it.name == *name);
@@ -39,7 +37,7 @@ impl MqttSession {
                     .unwrap_or_else(CommandIds::default)
             })
             .collect();
-        let started = self.clock.text(self.started);
+        let started = self.link.clock.text(self.started);
         self.telemetry.replace(
             &self.settings,
             &self.topics,

@@ -1,9 +1,9 @@
 //! The session across a change of the configuration, on a connection that stays.
 
 use super::harness::{
-    Rig, Staged, commands, drives, name, on, publications, published_texts, reads, result,
+    BrokerSession, Rig, SessionAct, commands, drives, name, on, publications, published_texts,
+    reads, result,
 };
-use super::types::MqttAct;
 use crate::domain::command::{Outcome, Reason};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::DriveView;
@@ -11,7 +11,7 @@ use crate::north::broker::MqttVersion;
 use serde_json::Value;
 
 /// Replaces drives and lines. A drive that existed before keeps its view.
-fn replace(rig: &mut Rig, drives: Vec<DriveDescription>, lines: &[&str]) -> Vec<MqttAct> {
+fn replace(rig: &mut Rig, drives: Vec<DriveDescription>, lines: &[&str]) -> Vec<SessionAct> {
     let old: Vec<_> = rig
         .session
         .drives

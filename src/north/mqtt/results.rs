@@ -2,7 +2,7 @@
 
 use super::params::label;
 use crate::domain::command::{Order, Outcome, Owner, Reason, RegisterWrite, Report};
-use crate::north::broker::{Publication, Qos};
+use crate::north::broker::Publication;
 use crate::profile::model::{Model, Register, RegisterRole};
 use crate::profile::scale::ScaledValue;
 use serde_json::{Map, Value, json};
@@ -92,14 +92,11 @@ impl WaitingResults {
         told: ResultContent<'_>,
     ) -> u64 {
         let payload = told.payload();
-        let response = reply.map(|reply| {
-            publication(
-                reply.topic.clone(),
-                payload.clone(),
-                reply.correlation.clone(),
-            )
+        let response = reply.map(|reply| Publication {
+            correlation: reply.correlation.clone(),
+            ..Publication::new(reply.topic.clone(), payload.clone())
         });
-        self.waiting.push_back(publication(topic, payload, None));
+        self.waiting.push_back(Publication::new(topic, payload));
         self.waiting.extend(response);
         let surplus = self.waiting.len().saturating_sub(WAITING_MAX);
         self.waiting.drain(..surplus);
@@ -108,18 +105,6 @@ impl WaitingResults {
 
     pub(super) fn next(&mut self) -> Option<Publication> {
         self.waiting.pop_front()
-    }
-}
-
-const fn publication(topic: String, payload: Vec<u8>, correlation: Option<Vec<u8>>) -> Publication {
-    Publication {
-        topic,
-        payload,
-        retain: false,
-        qos: Qos::AtMostOnce,
-        expiry: None,
-        correlation,
-        token: None,
     }
 }
 

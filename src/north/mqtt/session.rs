@@ -12,17 +12,19 @@ use super::stored::StoredEvents;
 use super::telemetry::TelemetryTopics;
 use super::told::{EventMark, PeerEvents};
 use super::topics::MqttTopics;
-use super::types::{GatewayIdentity, MqttAct, Settings};
-use crate::domain::ids::{AskerId, Name};
+use super::types::{GatewayIdentity, LeaseMode, Settings};
+use crate::domain::command::{CommandAnswer, Owner};
+use crate::domain::ids::{AskerId, Name, Ticket};
+use crate::domain::native::NativeAnswer;
 use crate::domain::time::MonoTime;
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::{DriveView, TripEvent};
-use crate::journal::trip;
+use crate::journal::{StoredEvent, trip};
 use crate::north::broker::{
-    BrokerCommands, BrokerEvent, BrokerLimits, BrokerPath, ClientClocks, OversizedTopics,
-    Publication, PublicationRefusal, Qos, SessionLine, SubscriptionFilter,
+    BrokerEvent, BrokerLink, BrokerSession, OversizedPublication, Publication, PublicationRefusal,
+    Qos, SessionAct, SessionLine, SessionNotice, SubscriptionFilter,
 };
-use crate::north::clock::{ClockMoment, LabelClock};
+use crate::north::clock::ClockMoment;
 use std::sync::Arc;
 
 /// The source of a publication, marked in its token. Numbers stay far below.
@@ -30,15 +32,7 @@ const DISCOVERY: u64 = 1 << 61;
 const STORED: u64 = 1 << 62;
 const HISTORY: u64 = 1 << 63;
 
-/// The MQTT side of the gateway as a machine without a socket or a clock. Its owner moves things between it, the
-/// broker and the lines:
-///
-/// * what happens on the connection goes to [`handle`](Self::handle), answers of the lines to
-///   [`command_answer`](Self::command_answer) and [`native_answer`](Self::native_answer), trips to
-///   [`trip`](Self::trip), or if a journal keeps them, to [`stored_events`](Self::stored_events);
-/// * [`tick`](Self::tick) is called when [`next_wake`](Self::next_wake) is due;
-/// * after each of these, and whenever a view changed, [`next_act`](Self::next_act) is called until it returns
-///   `None`. While there is no room for publications, [`next_inward`](Self::next_inward) is called instead.
+/// The MQTT side of the gateway.
 ///
 /// Nothing is published before the broker has granted every subscription and a probe has returned, except the probe and
 /// results of commands.
@@ -51,14 +45,8 @@ pub struct MqttSession {
     /// Distinguishes this process from others of the same gateway: its start, in milliseconds since 1970, and of several
     /// gateways which one it is.
     pub(super) run: String,
-    pub(super) clock: LabelClock,
-    pub(super) issued: ClientClocks,
     pub(super) started: MonoTime,
-    pub(super) path: BrokerPath,
-    pub(super) broker: BrokerLimits,
-    /// What is larger than it takes.
-    pub(super) oversized: OversizedTopics,
-    pub(super) commands: BrokerCommands<AnswerContext>,
+    pub(super) link: BrokerLink<AnswerContext>,
     /// Used ids per drive.
     pub(super) seen: Vec<CommandIds>,
     pub(super) results: WaitingResults,
@@ -76,20 +64,22 @@ pub struct MqttSession {
     pub(super) are_commanders_gone: bool,
 }
 
-impl MqttSession {
-    /// The session of this gateway with these drives and lines, started now. `probe_key` is random, and used by this
-    /// session only: without it no peer can forge a probe.
-    #[must_use]
-    pub fn new(
-        gateway: GatewayIdentity,
-        settings: Settings,
+impl BrokerSession for MqttSession {
+    /// The gateway, and the settings of the session.
+    type Settings = (GatewayIdentity, Settings);
+    type Counters = MqttCounters;
+    const ASKER: AskerId = AskerId::MQTT;
+    const OWNER: Owner = Owner::Mqtt;
+    const LEAVES_WILL: bool = false;
+
+    fn new(
+        (gateway, settings): Self::Settings,
         drives: Vec<DriveDescription>,
         lines: Vec<Name>,
         started: ClockMoment,
         probe_key: u128,
     ) -> Self {
         let topics = MqttTopics::new(&gateway, &settings);
-        let clock = LabelClock::new(started);
         let half = gateway
             .standby
             .as_ref()
@@ -98,19 +88,22 @@ impl MqttSession {
         let run = format!("{}{half}", started.wall.unix_ms);
         let mut half = PairMember::new(gateway.standby, &topics);
         half.replace(&lines, drives.iter().map(|drive| drive.line.clone()));
+        let link = BrokerLink::new(
+            Self::ASKER,
+            started,
+            probe_key,
+            settings.probe_interval,
+            settings.probe_timeout,
+        );
         let mut session = Self {
             telemetry: TelemetryTopics::new(
                 &settings,
                 &topics,
                 &drives,
                 &lines,
-                &clock.text(started.mono),
+                &link.clock.text(started.mono),
             ),
-            path: BrokerPath::new(probe_key, settings.probe_interval, settings.probe_timeout),
             seen: drives.iter().map(|_| CommandIds::default()).collect(),
-            broker: BrokerLimits::default(),
-            oversized: OversizedTopics::default(),
-            commands: BrokerCommands::new(AskerId::MQTT),
             results: WaitingResults::default(),
             events: EventQueue::default(),
             stored: StoredEvents::default(),
@@ -125,44 +118,211 @@ impl MqttSession {
             drives,
             lines,
             run,
-            clock,
-            issued: ClientClocks::default(),
             started: started.mono,
+            link,
         };
         session.speak(started.mono);
         session
     }
 
-    /// What the broker publishes when the connection breaks.
-    #[must_use]
-    pub fn will(&self) -> Publication {
+    fn count_tickets_from(&mut self, first: Ticket) {
+        self.link.commands.count_tickets_from(first);
+    }
+
+    /// A drive continues if its place and name are the same; requests to the others no longer have an answer. Topics of
+    /// what was removed are cleared.
+    fn replace(&mut self, at: ClockMoment, drives: Vec<DriveDescription>, lines: Vec<Name>) {
+        self.link.clock.see(at);
+        self.replace_plant(at, drives, lines);
+    }
+
+    fn will(&self) -> Publication {
         goodbye(self.topics.gateway("status"))
     }
 
-    /// Takes what happened on the connection.
-    pub fn handle(&mut self, at: ClockMoment, event: BrokerEvent<'_>) {
-        self.clock.see(at);
-        if !matches!(event, BrokerEvent::Stalled(_)) {
-            self.path.look(at.mono);
-        }
+    fn handle(&mut self, at: ClockMoment, event: BrokerEvent<'_>) {
+        self.link.handle(at, &event);
         match event {
-            BrokerEvent::Connected(broker) => self.connected(at.mono, broker),
+            BrokerEvent::Connected(_) | BrokerEvent::Lost => self.lost(),
             BrokerEvent::Subscribed(granted) => self.subscribed(at, &granted),
             BrokerEvent::Message(message) => self.message(at, &message),
             BrokerEvent::Acknowledged(token) => self.acknowledged(token),
             BrokerEvent::Refused(token, refusal) => self.refused(at.mono, token, refusal),
-            BrokerEvent::Stalled(stood) => self.path.stalled(at.mono, stood),
-            BrokerEvent::Lost => self.lost(at.mono),
+            BrokerEvent::Stalled(_) => {}
         }
     }
 
-    fn connected(&mut self, at: MonoTime, broker: BrokerLimits) {
-        self.lost(at);
-        self.broker = broker;
-        self.oversized.forget();
-        self.path.connected();
+    fn command_answer(&mut self, at: ClockMoment, answer: &CommandAnswer) {
+        self.link.clock.see(at);
+        if answer.asker == Self::ASKER {
+            self.answered(at, answer);
+        }
     }
 
+    fn native_answer(&mut self, at: ClockMoment, answer: &NativeAnswer) {
+        self.link.clock.see(at);
+        if answer.asker == Self::ASKER {
+            self.read_answered(at, answer);
+        }
+    }
+
+    fn refused_by_line(&mut self, at: ClockMoment, ticket: Ticket) {
+        self.link.clock.see(at);
+        if let Some((pending, report)) = self.link.commands.refused_by_line(ticket) {
+            self.end(at, &pending, report);
+        }
+    }
+
+    /// A trip event is published until the broker has acknowledged it. Drives that are not ours are ignored.
+    fn trip(&mut self, at: ClockMoment, place: DriveRef, event: &TripEvent) {
+        self.link.clock.see(at);
+        let Some(drive) = self.drives.iter().find(|drive| drive.place == place) else {
+            return;
+        };
+        let mut body = trip::event(drive, &|at| self.link.clock.text(at), event);
+        body.insert("session".to_owned(), self.run.as_str().into());
+        let mark = self
+            .half
+            .pair()
+            .map(|_| EventMark::of(drive.name.as_str(), &body))
+            .unwrap_or_default();
+        if self.told.take(at.mono, &mark) {
+            return;
+        }
+        let topic = self.topics.drive(drive.name.as_str(), "trip/event");
+        self.counters.events_dropped += u64::from(self.events.add(topic, body, mark));
+        self.count_events();
+    }
+
+    /// Events are published at `trip/event` until the broker has acknowledged them: then [`SessionAct::EventTaken`] is
+    /// returned for each. Together they are what [`SessionAct::WantEvents`] requested: the first of those that no broker has
+    /// and whose numbers are higher, in rising order.
+    ///
+    /// Anything else is ignored. A journal that has something not yet requested rings with no events and `more`; a
+    /// request that cannot be answered yet stays open until it can.
+    fn stored_events(&mut self, at: ClockMoment, events: &[StoredEvent], more: bool) {
+        self.link.clock.see(at);
+        self.take_stored(at, events, more);
+    }
+
+    fn has_partner(&self) -> bool {
+        self.half.pair().is_some()
+    }
+
+    fn see_roles(&mut self, at: ClockMoment, lines: &[SessionLine]) {
+        if self.half.see(at.mono, lines) {
+            self.speak(at.mono);
+        }
+    }
+
+    fn tick(&mut self, at: ClockMoment) {
+        self.link.clock.see(at);
+        self.check_path(at.mono);
+        self.drop_overdue(at);
+    }
+
+    fn next_wake(&self) -> Option<MonoTime> {
+        let own = [self.link.path.wake(), self.link.commands.wake()];
+        let own = own.into_iter().flatten().min();
+        if !self.link.path.is_open() {
+            return own;
+        }
+        let may_tell = |mark: &EventMark| self.may_tell(self.half.now(), mark);
+        let told = [
+            self.telemetry.wake(),
+            self.history.wake(),
+            self.events.wake(may_tell),
+            self.stored.wake(may_tell),
+            self.half.wake(self.settings.heartbeat),
+            self.discovery.wake(),
+        ];
+        told.into_iter().chain([own]).flatten().min()
+    }
+
+    fn next_inward(&mut self) -> Option<SessionAct> {
+        self.link.next_inward().or_else(|| self.stored.next_act())
+    }
+
+    fn next_act(
+        &mut self,
+        at: ClockMoment,
+        views: &[Arc<DriveView>],
+        lines: &[SessionLine],
+    ) -> Option<SessionAct> {
+        if let Some(act) = self.next_inward() {
+            return Some(act);
+        }
+        self.link.clock.see(at);
+        self.see_roles(at, lines);
+        self.check_path(at.mono);
+        self.record(at.mono, views);
+        if let Some(reason) = self.link.path.take_reconnect() {
+            self.counters.reconnects += 1;
+            return Some(SessionAct::Reconnect(reason));
+        }
+        if self.link.path.take_subscription(at.mono) {
+            return Some(SessionAct::Subscribe(self.filters()));
+        }
+        loop {
+            let publication = self.next_publication(at.mono, views, lines)?;
+            if let Some(publication) = self.admitted(publication) {
+                self.counters.messages_out += 1;
+                return Some(SessionAct::Publish(publication));
+            }
+        }
+    }
+
+    fn farewell(&mut self, at: ClockMoment) -> Vec<Publication> {
+        self.link.clock.see(at);
+        let all = if self.half.pair().is_some() {
+            self.farewell_as_half(at.mono)
+        } else {
+            let drives = self
+                .drives
+                .iter()
+                .map(|drive| self.topics.drive(drive.name.as_str(), "availability"));
+            drives
+                .chain([self.topics.gateway("status")])
+                .map(goodbye)
+                .collect()
+        };
+        all.into_iter().filter_map(|it| self.admitted(it)).collect()
+    }
+
+    fn next_notice(&mut self) -> Option<SessionNotice> {
+        self.link.next_notice()
+    }
+
+    fn oversized(&self) -> &[OversizedPublication] {
+        self.link.oversized.all()
+    }
+
+    fn clients_gone(&self) -> Option<&str> {
+        let depends = self.are_commanders_gone && self.settings.lease == LeaseMode::Session;
+        if depends {
+            self.settings.alive_topic.as_deref()
+        } else {
+            None
+        }
+    }
+
+    /// A probe returned on this connection, no longer ago than two of them and their time-out allow.
+    fn is_path_alive(&self, at: ClockMoment) -> bool {
+        self.link.path.is_alive(at.mono)
+    }
+
+    fn counters(&self) -> MqttCounters {
+        let (attempts_lost, partner_online) =
+            (self.link.commands.attempts_lost(), self.is_partner_online());
+        MqttCounters {
+            attempts_lost,
+            partner_online,
+            ..self.counters
+        }
+    }
+}
+
+impl MqttSession {
     fn subscribed(&mut self, at: ClockMoment, granted: &[bool]) {
         let filters = self.filters();
         let is_whole = granted.len() == filters.len();
@@ -177,9 +337,13 @@ impl MqttSession {
             .iter()
             .position(|it| Some(it.path.as_str()) == self.settings.alive_topic.as_deref());
         let is_alive_refused = alive.and_then(|place| granted.get(place)) == Some(&false);
-        self.counters.alive_refused = u64::from(is_whole && is_alive_refused && is_granted);
-        if self.path.subscribed(at.mono, is_granted) {
-            self.commands.path_opened();
+        let is_alive_refused = is_whole && is_alive_refused && is_granted;
+        self.counters.alive_refused = u64::from(is_alive_refused);
+        if is_alive_refused {
+            self.link.notify(SessionNotice::AliveTopicRefused);
+        }
+        if self.link.path.subscribed(at.mono, is_granted) {
+            self.link.commands.path_opened();
         }
     }
 
@@ -196,15 +360,18 @@ impl MqttSession {
 
     fn refused(&mut self, at: MonoTime, token: u64, refusal: PublicationRefusal) {
         let number = token & !(STORED | HISTORY);
-        let counters = &mut self.counters;
-        match token & (STORED | HISTORY) {
-            STORED => {
-                counters.events_refused += u64::from(self.stored.refused(at, number, refusal))
-            }
+        let is_event_given_up = match token & (STORED | HISTORY) {
+            STORED => self.stored.refused(at, number, refusal),
             HISTORY => {
-                counters.history_dropped += u64::from(self.history.refused(at, number, refusal))
+                let is_given_up = self.history.refused(at, number, refusal);
+                self.counters.history_dropped += u64::from(is_given_up);
+                false
             }
-            _ => counters.events_refused += u64::from(self.events.refused(at, number, refusal)),
+            _ => self.events.refused(at, number, refusal),
+        };
+        if is_event_given_up {
+            self.counters.events_refused += 1;
+            self.link.notify(SessionNotice::EventRefused);
         }
         self.count_events();
     }
@@ -214,8 +381,7 @@ impl MqttSession {
         self.counters.history_waiting = self.history.len() as u64;
     }
 
-    fn lost(&mut self, at: MonoTime) {
-        self.path.lost(at);
+    fn lost(&mut self) {
         self.events.lost();
         self.stored.lost();
         self.history.lost();
@@ -223,112 +389,16 @@ impl MqttSession {
         self.discovery.lost();
         self.told.lost();
         self.half.lost();
-        self.commands.path_lost();
-    }
-
-    /// Takes a trip or its clearing, to be published until the broker has acknowledged it. Drives that are not ours are
-    /// ignored.
-    pub fn trip(&mut self, at: ClockMoment, place: DriveRef, event: &TripEvent) {
-        self.clock.see(at);
-        let Some(drive) = self.drives.iter().find(|drive| drive.place == place) else {
-            return;
-        };
-        let mut body = trip::event(drive, &|at| self.clock.text(at), event);
-        body.insert("session".to_owned(), self.run.as_str().into());
-        let mark = self
-            .half
-            .pair()
-            .map(|_| EventMark::of(drive.name.as_str(), &body))
-            .unwrap_or_default();
-        if self.told.take(at.mono, &mark) {
-            return;
-        }
-        let topic = self.topics.drive(drive.name.as_str(), "trip/event");
-        self.counters.events_dropped += u64::from(self.events.add(topic, body, mark));
-        self.count_events();
-    }
-
-    /// Advances to the present.
-    pub fn tick(&mut self, at: ClockMoment) {
-        self.clock.see(at);
-        self.check_path(at.mono);
-        self.drop_overdue(at);
     }
 
     fn check_path(&mut self, at: MonoTime) {
-        self.counters.probes_lost += u64::from(self.path.check(at));
-    }
-
-    /// When [`tick`](Self::tick) and [`next_act`](Self::next_act) are to be called if no event occurs before.
-    #[must_use]
-    pub fn next_wake(&self) -> Option<MonoTime> {
-        let own = [self.path.wake(), self.commands.wake()];
-        let own = own.into_iter().flatten().min();
-        if !self.path.is_open() {
-            return own;
-        }
-        let may_tell = |mark: &EventMark| self.may_tell(self.half.now(), mark);
-        let told = [
-            self.telemetry.wake(),
-            self.history.wake(),
-            self.events.wake(may_tell),
-            self.stored.wake(may_tell),
-            self.half.wake(self.settings.heartbeat),
-            self.discovery.wake(),
-        ];
-        told.into_iter().chain([own]).flatten().min()
-    }
-
-    /// The next item for the lines: commands, reads, and the state of the path from the clients; after them attempts to
-    /// be kept. It needs no room on the connection, so that a stop never waits for one.
-    pub fn next_inward(&mut self) -> Option<MqttAct> {
-        let attempt = |commands: &mut BrokerCommands<_>| {
-            commands
-                .next_attempt()
-                .map(|(drive, it)| MqttAct::Keep(drive, it))
-        };
-        let to_line = self.commands.next_to_line().map(MqttAct::ToLine);
-        to_line
-            .or_else(|| attempt(&mut self.commands))
-            .or_else(|| self.stored.next_act())
-    }
-
-    /// The next act. `views` are in the order of the drives, `lines` in the order of the lines given to
-    /// [`new`](Self::new). What is returned counts as done, except events with a token, which are sent again after a
-    /// reconnect until they are acknowledged.
-    pub fn next_act(
-        &mut self,
-        at: ClockMoment,
-        views: &[Arc<DriveView>],
-        lines: &[SessionLine],
-    ) -> Option<MqttAct> {
-        if let Some(act) = self.next_inward() {
-            return Some(act);
-        }
-        self.clock.see(at);
-        self.see_roles(at, lines);
-        self.check_path(at.mono);
-        self.record(at.mono, views);
-        if let Some(reason) = self.path.take_reconnect() {
-            self.counters.reconnects += 1;
-            return Some(MqttAct::Reconnect(reason));
-        }
-        if self.path.take_subscription(at.mono) {
-            return Some(MqttAct::Subscribe(self.filters()));
-        }
-        loop {
-            let publication = self.next_publication(at.mono, views, lines)?;
-            if let Some(publication) = self.admitted(publication) {
-                self.counters.messages_out += 1;
-                return Some(MqttAct::Publish(publication));
-            }
-        }
+        self.counters.probes_lost += u64::from(self.link.path.check(at));
     }
 
     /// Keeps what cannot be published now, if that is configured.
     fn record(&mut self, at: MonoTime, views: &[Arc<DriveView>]) {
-        if !self.path.is_open() && self.history.is_on() {
-            let now = (at, self.clock);
+        if !self.link.path.is_open() && self.history.is_on() {
+            let now = (at, self.link.clock);
             let dropped = self
                 .telemetry
                 .record(now, &self.drives, views, &mut self.history);
@@ -343,22 +413,20 @@ impl MqttSession {
         views: &[Arc<DriveView>],
         lines: &[SessionLine],
     ) -> Option<Publication> {
-        if let Some(payload) = self.path.take_probe(at) {
+        if let Some(payload) = self.link.path.take_probe(at) {
             // It must wait wherever a command waits, so it has to be in the same queue of the broker.
-            return Some(passing(
-                self.topics.gateway("probe"),
-                payload,
-                Qos::AtLeastOnce,
-                None,
-            ));
+            return Some(Publication {
+                qos: Qos::AtLeastOnce,
+                ..Publication::new(self.topics.gateway("probe"), payload)
+            });
         }
-        if !self.path.is_granted() {
+        if !self.link.path.is_granted() {
             return None;
         }
         if let Some(result) = self.results.next() {
             return Some(result);
         }
-        if !self.path.is_open() {
+        if !self.link.path.is_open() {
             return None;
         }
         if let Some(event) = self.next_event(at) {
@@ -367,22 +435,17 @@ impl MqttSession {
         if let Some(publication) = self.next_of_standby(at) {
             return Some(publication);
         }
-        if let Some(publication) = self
-            .telemetry
-            .next(at, self.clock, &self.drives, views, lines)
+        if let Some(publication) =
+            self.telemetry
+                .next(at, self.link.clock, &self.drives, views, lines)
         {
             return Some(publication);
         }
         if let Some((topic, payload, number)) =
             self.history
-                .next(at, &self.topics, self.clock, &self.drives)
+                .next(at, &self.topics, self.link.clock, &self.drives)
         {
-            return Some(passing(
-                topic,
-                payload,
-                Qos::AtLeastOnce,
-                Some(HISTORY | number),
-            ));
+            return Some(acknowledged_one(topic, payload, HISTORY | number));
         }
         let plant = DiscoveryPlant::of(&self.settings, &self.topics, &self.lines, &self.drives)?;
         let (publication, number) = self.discovery.next(at, &plant)?;
@@ -403,7 +466,7 @@ impl MqttSession {
             Some((topic, payload, STORED | seq))
         });
         (self.events, self.stored) = (events, stored);
-        event.map(|(topic, payload, token)| passing(topic, payload, Qos::AtLeastOnce, Some(token)))
+        event.map(|(topic, payload, token)| acknowledged_one(topic, payload, token))
     }
 
     /// What is subscribed.
@@ -415,68 +478,21 @@ impl MqttSession {
             .chain(plant.into_iter().flat_map(|it| it.subscriptions()))
             .collect()
     }
-
-    /// What is still to be published on an orderly end.
-    pub fn farewell(&mut self, at: ClockMoment) -> Vec<Publication> {
-        self.clock.see(at);
-        let all = if self.half.pair().is_some() {
-            self.farewell_as_half(at.mono)
-        } else {
-            let drives = self
-                .drives
-                .iter()
-                .map(|drive| self.topics.drive(drive.name.as_str(), "availability"));
-            drives
-                .chain([self.topics.gateway("status")])
-                .map(goodbye)
-                .collect()
-        };
-        all.into_iter().filter_map(|it| self.admitted(it)).collect()
-    }
-
-    /// Whether the path through the broker was proven recently: a probe returned on this connection, no longer ago than
-    /// two of them and their time-out allow.
-    #[must_use]
-    pub fn is_path_alive(&self, at: ClockMoment) -> bool {
-        self.path.is_alive(at.mono)
-    }
-
-    /// The counters so far.
-    #[must_use]
-    pub fn counters(&self) -> MqttCounters {
-        let (attempts_lost, partner_online) =
-            (self.commands.attempts_lost(), self.is_partner_online());
-        MqttCounters {
-            attempts_lost,
-            partner_online,
-            ..self.counters
-        }
-    }
 }
 
-/// A publication that the broker does not retain.
-const fn passing(topic: String, payload: Vec<u8>, qos: Qos, token: Option<u64>) -> Publication {
+/// A publication that the broker acknowledges and does not retain.
+fn acknowledged_one(topic: String, payload: Vec<u8>, token: u64) -> Publication {
     Publication {
-        topic,
-        payload,
-        retain: false,
-        qos,
-        expiry: None,
-        correlation: None,
-        token,
+        token: Some(token),
+        qos: Qos::AtLeastOnce,
+        ..Publication::new(topic, payload)
     }
 }
 
 pub(super) fn goodbye(topic: String) -> Publication {
-    let payload = b"offline".to_vec();
-    let qos = Qos::AtLeastOnce;
     Publication {
-        topic,
-        payload,
         retain: true,
-        qos,
-        expiry: None,
-        correlation: None,
-        token: None,
+        qos: Qos::AtLeastOnce,
+        ..Publication::new(topic, b"offline".to_vec())
     }
 }

@@ -1,7 +1,9 @@
 //! The life of a session: birth, probe, reconnects, events.
 
-use super::harness::{Rig, Staged, message, on, publications, published_texts, results, settings};
-use super::types::{LeaseMode, MqttAct};
+use super::harness::{
+    BrokerSession, Rig, SessionAct, message, on, publications, published_texts, results, settings,
+};
+use super::types::LeaseMode;
 use crate::domain::command::{Outcome, Reason};
 use crate::domain::ids::DriveIndex;
 use crate::drive::description::DriveRef;
@@ -10,23 +12,23 @@ use crate::north::broker::{BrokerEvent, BrokerLimits, MqttVersion, Publication, 
 use serde_json::{Value, json};
 use std::time::Duration;
 
-fn topics(acts: &[MqttAct]) -> Vec<String> {
+fn topics(acts: &[SessionAct]) -> Vec<String> {
     published_texts(acts)
         .into_iter()
         .map(|(topic, _)| topic)
         .collect()
 }
 
-fn has_probe(acts: &[MqttAct]) -> bool {
+fn has_probe(acts: &[SessionAct]) -> bool {
     acts.iter().any(
-        |act| matches!(act, MqttAct::Publish(it) if it.topic == "vfd/plant/probe" && !it.retain),
+        |act| matches!(act, SessionAct::Publish(it) if it.topic == "vfd/plant/probe" && !it.retain),
     )
 }
 
 fn subscribe(rig: &mut Rig) -> usize {
     rig.handle(BrokerEvent::Connected(rig.broker));
     match &rig.acts_without_echo()[..] {
-        [MqttAct::Subscribe(filters)] => filters.len(),
+        [SessionAct::Subscribe(filters)] => filters.len(),
         other => panic!("{other:?}"),
     }
 }
@@ -40,15 +42,15 @@ fn nothing_is_said_before_the_subscription_and_the_probe() {
     assert_eq!(rig.acts_without_echo(), []);
     rig.handle(BrokerEvent::Subscribed(vec![true; filters]));
     let acts = rig.acts_without_echo();
-    assert_eq!(acts[0], MqttAct::ToLine(ToLine::PathOpened));
+    assert_eq!(acts[0], SessionAct::ToLine(ToLine::PathOpened));
     assert!(acts.len() == 2 && has_probe(&acts));
     assert!(!rig.session.is_path_alive(rig.at()));
-    let MqttAct::Publish(Publication { payload, .. }) = &acts[1] else {
+    let SessionAct::Publish(Publication { payload, .. }) = &acts[1] else {
         panic!()
     };
     rig.handle(BrokerEvent::Message(message("vfd/plant/probe", payload)));
     let acts = rig.acts_without_echo();
-    assert_eq!(acts[0], MqttAct::ToLine(ToLine::PathAlive));
+    assert_eq!(acts[0], SessionAct::ToLine(ToLine::PathAlive));
     assert!(rig.session.is_path_alive(rig.at()));
     let topics = topics(&acts);
     assert_eq!(
@@ -119,7 +121,7 @@ fn filters_are_narrow_and_catch_nothing_of_ours() {
     let mut rig = Rig::new(MqttVersion::V5);
     rig.poll(0, 3_000);
     let acts = rig.connect();
-    let MqttAct::Subscribe(filters) = &acts[0] else {
+    let SessionAct::Subscribe(filters) = &acts[0] else {
         panic!()
     };
     assert!(filters.iter().all(|filter| !filter.path.contains('#')));
@@ -174,7 +176,7 @@ fn a_filter_that_is_not_granted_asks_for_a_new_connection() {
         let mut granted = vec![true; filters - usize::from(missing)];
         granted[3] = missing;
         rig.handle(BrokerEvent::Subscribed(granted));
-        assert!(matches!(rig.acts()[..], [MqttAct::Reconnect(_)]));
+        assert!(matches!(rig.acts()[..], [SessionAct::Reconnect(_)]));
         assert_eq!(rig.pass(100_000), [], "once, and nothing after it");
         assert_eq!(rig.session.counters().reconnects, 1);
     }
@@ -183,9 +185,9 @@ fn a_filter_that_is_not_granted_asks_for_a_new_connection() {
 #[test]
 fn a_lost_probe_ends_the_connection_and_the_heartbeats() {
     let mut rig = Rig::born(MqttVersion::V5);
-    let alive = |acts: &[MqttAct]| {
+    let alive = |acts: &[SessionAct]| {
         acts.iter()
-            .filter(|act| **act == MqttAct::ToLine(ToLine::PathAlive))
+            .filter(|act| **act == SessionAct::ToLine(ToLine::PathAlive))
             .count()
     };
     let acts = rig.pass(20_000);
@@ -203,7 +205,7 @@ fn a_lost_probe_ends_the_connection_and_the_heartbeats() {
     assert_eq!(alive(&acts), 0);
     assert_eq!(
         acts.iter()
-            .filter(|act| matches!(act, MqttAct::Reconnect(_)))
+            .filter(|act| matches!(act, SessionAct::Reconnect(_)))
             .count(),
         1
     );
@@ -234,14 +236,15 @@ fn commanders_that_are_gone_give_no_sign_of_life() {
         rig.deliver(&message("home/status", payload));
         assert_eq!(
             rig.pass(5_000)
-                .contains(&MqttAct::ToLine(ToLine::PathAlive)),
+                .contains(&SessionAct::ToLine(ToLine::PathAlive)),
             expected
         );
     }
     rig.deliver(&message("home/status", b"offline"));
     rig.handle(BrokerEvent::Lost);
     assert!(
-        !rig.connect().contains(&MqttAct::ToLine(ToLine::PathAlive)),
+        !rig.connect()
+            .contains(&SessionAct::ToLine(ToLine::PathAlive)),
         "until the alive topic says otherwise"
     );
 }
@@ -254,12 +257,12 @@ fn explicit_leases_live_on_commands_only() {
     });
     let acts = rig.connect();
     assert!(
-        acts.contains(&MqttAct::ToLine(ToLine::PathOpened))
-            && !acts.contains(&MqttAct::ToLine(ToLine::PathAlive))
+        acts.contains(&SessionAct::ToLine(ToLine::PathOpened))
+            && !acts.contains(&SessionAct::ToLine(ToLine::PathAlive))
     );
     assert!(
         !rig.pass(30_000)
-            .contains(&MqttAct::ToLine(ToLine::PathAlive))
+            .contains(&SessionAct::ToLine(ToLine::PathAlive))
     );
 }
 
@@ -269,7 +272,7 @@ fn retained_or_foreign_probes_prove_nothing() {
     let filters = subscribe(&mut rig);
     rig.handle(BrokerEvent::Subscribed(vec![true; filters]));
     let acts = rig.acts_without_echo();
-    let Some(MqttAct::Publish(probe)) = acts.last() else {
+    let Some(SessionAct::Publish(probe)) = acts.last() else {
         panic!()
     };
     rig.handle(BrokerEvent::Message(crate::north::broker::BrokerMessage {
@@ -301,7 +304,7 @@ fn will_and_farewell_say_offline() {
         .session
         .farewell(rig.at())
         .into_iter()
-        .map(MqttAct::Publish)
+        .map(SessionAct::Publish)
         .collect();
     let expected = [
         "drive/pump/availability",
@@ -337,7 +340,7 @@ fn trip(rig: &mut Rig, trips: u16) {
     rig.session.trip(rig.at(), place, &event);
 }
 
-fn events(acts: &[MqttAct]) -> Vec<(u64, Value)> {
+fn events(acts: &[SessionAct]) -> Vec<(u64, Value)> {
     let events = publications(acts)
         .into_iter()
         .filter(|it| it.topic.ends_with("trip/event"));
@@ -400,7 +403,7 @@ fn an_event_says_what_was_measured() {
 fn events_come_in_order_and_again_after_a_reconnect_until_acknowledged() {
     let mut rig = Rig::new(MqttVersion::V5);
     (0..20).for_each(|_| trip(&mut rig, 1));
-    let tokens = |acts: &[MqttAct]| {
+    let tokens = |acts: &[SessionAct]| {
         events(acts)
             .into_iter()
             .map(|(token, _)| token)
@@ -485,9 +488,9 @@ fn a_way_that_is_open_for_moments_only_keeps_no_lease() {
         probe_interval: Duration::from_secs(1),
         ..super::harness::settings(MqttVersion::V4)
     });
-    let alive = |acts: &[MqttAct]| {
+    let alive = |acts: &[SessionAct]| {
         acts.iter()
-            .filter(|act| **act == MqttAct::ToLine(ToLine::PathAlive))
+            .filter(|act| **act == SessionAct::ToLine(ToLine::PathAlive))
             .count()
     };
     assert_eq!(alive(&rig.connect()), 1, "the first connection");
@@ -541,7 +544,7 @@ fn what_is_larger_than_the_broker_takes_is_named_and_no_document_grows_with_the_
         "the fan has never answered"
     );
     assert!(rig.session.oversized().iter().all(|it| it.bytes > 1_000));
-    let told = |rig: &mut Rig| std::iter::from_fn(|| rig.session.next_oversized()).count();
+    let told = |rig: &mut Rig| std::iter::from_fn(|| rig.session.next_notice()).count();
     assert_eq!(told(&mut rig), 1);
     rig.pass(130_000);
     assert_eq!(

@@ -152,12 +152,9 @@ pub(super) fn retained(
 ) -> Publication {
     let expiry = (now.expires && !payload.is_empty()).then(|| now.heartbeat * EXPIRY_HEARTBEATS);
     Publication {
-        topic,
-        payload,
         retain: true,
         qos,
         expiry,
-        correlation: None,
-        token: None,
+        ..Publication::new(topic, payload)
     }
 }

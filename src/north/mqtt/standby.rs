@@ -8,33 +8,16 @@ use super::told::EventMark;
 use super::topics::PeerTopic;
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::time::MonoTime;
-use crate::north::broker::{
-    BrokerMessage, DriveRequest, MqttVersion, PendingRequest, Publication, SessionLine,
-};
-use crate::north::clock::ClockMoment;
+use crate::north::broker::{BrokerMessage, DriveRequest, MqttVersion, PendingRequest, Publication};
 use serde_json::{Map, Value};
 
 impl MqttSession {
-    /// Whether it is one of several gateways of its name.
-    #[must_use]
-    pub const fn has_partner(&self) -> bool {
-        self.half.pair().is_some()
-    }
-
     /// Whether the partner says that it is there; `None` without one, or while that cannot be known.
     pub(super) fn is_partner_online(&self) -> Option<bool> {
-        if self.path.is_open() {
+        if self.link.path.is_open() {
             self.half.is_partner_online()
         } else {
             None
-        }
-    }
-
-    /// Takes the present roles of the gateway on its lines, in their order. To be called before a message is handled;
-    /// [`next_act`](Self::next_act) does it itself.
-    pub fn see_roles(&mut self, at: ClockMoment, lines: &[SessionLine]) {
-        if self.half.see(at.mono, lines) {
-            self.speak(at.mono);
         }
     }
 
@@ -57,7 +40,7 @@ impl MqttSession {
     /// Announces to Home Assistant from now on, if it is for this gateway to do so; else no longer.
     pub(super) fn announce(&mut self, at: MonoTime) {
         let is_mine =
-            self.path.is_open() && self.settings.home_assistant.is_some() && self.half.leads();
+            self.link.path.is_open() && self.settings.home_assistant.is_some() && self.half.leads();
         if is_mine && !self.discovery.is_open() {
             self.discovery.opened(at);
         } else if !is_mine {
@@ -108,7 +91,7 @@ impl MqttSession {
 
     /// What the broker has retained when this gateway connects. Later its events are heard themselves.
     fn hear_last(&mut self, drive: &str, payload: &[u8]) {
-        if self.path.is_open() || !self.drives.iter().any(|it| it.name.as_str() == drive) {
+        if self.link.path.is_open() || !self.drives.iter().any(|it| it.name.as_str() == drive) {
             return;
         }
         let Ok(record) = serde_json::from_slice::<Map<String, Value>>(payload) else {
@@ -154,7 +137,7 @@ impl MqttSession {
         let expires = self.settings.version == MqttVersion::V5;
         RenderContext {
             at,
-            clock: self.clock,
+            clock: self.link.clock,
             heartbeat: self.settings.heartbeat,
             expires,
         }

@@ -1,8 +1,7 @@
 //! Two gateways of one name at one broker, which is played here: what an outsider sees of them.
 
-use super::harness::{Rig, message, settings};
+use super::harness::{BrokerSession, Rig, SessionAct, message, settings};
 use super::standby_tests::{one_of_two, report, trip};
-use super::types::MqttAct;
 use crate::domain::standby::LineRole;
 use crate::north::broker::{
     BrokerEvent, BrokerMessage, MqttVersion, Publication, SubscriptionFilter,
@@ -34,7 +33,7 @@ impl Plant {
     /// Both are connected; `a` is active.
     fn new() -> Self {
         let rig = |half, partner, role| {
-            let mut rig = Rig::of(one_of_two(half, partner), settings(MqttVersion::V5));
+            let mut rig = Rig::as_gateway(one_of_two(half, partner), settings(MqttVersion::V5));
             rig.lines[0].report.standby = Some(report(role));
             rig.poll(0, 3_000);
             rig
@@ -112,17 +111,17 @@ impl Plant {
         if !self.is_connected[half] {
             return false;
         }
-        let Rig { session, stage } = &mut self.rigs[half];
+        let Rig { session, stage, .. } = &mut self.rigs[half];
         stage.show();
         match session.next_act(stage.at(), &stage.shown, &stage.lines) {
             None => return false,
-            Some(MqttAct::Publish(it)) => {
+            Some(SessionAct::Publish(it)) => {
                 self.publish(&it);
                 if let Some(token) = it.token {
                     self.rigs[half].handle(BrokerEvent::Acknowledged(token));
                 }
             }
-            Some(MqttAct::Subscribe(filters)) => {
+            Some(SessionAct::Subscribe(filters)) => {
                 self.rigs[half].handle(BrokerEvent::Subscribed(vec![true; filters.len()]));
                 let is_wanted = |topic: &str| {
                     filters

@@ -1,10 +1,10 @@
 //! The session as one of two gateways of the same name.
 
 use super::harness::{
-    Rig, Staged, commands, identity, kept, message, name, on, orders, publications,
-    published_texts, results, settings,
+    BrokerSession, Rig, SessionAct, commands, identity, kept, message, name, on, orders,
+    publications, published_texts, results, settings,
 };
-use super::types::{GatewayIdentity, HomeAssistant, MqttAct, Settings};
+use super::types::{GatewayIdentity, HomeAssistant, Settings};
 use crate::domain::command::{Order, Outcome, Reason};
 use crate::domain::ids::DriveIndex;
 use crate::domain::standby::{LineRole, StandbyPair, StandbyReport, StandbyTrouble};
@@ -45,7 +45,7 @@ pub(super) fn one_of_two(half: &str, partner: &str) -> GatewayIdentity {
 }
 
 fn half_with(settings: Settings, role: LineRole) -> Rig {
-    let mut rig = Rig::of(one_of_two("b", "a"), settings);
+    let mut rig = Rig::as_gateway(one_of_two("b", "a"), settings);
     rig.lines[0].report.standby = Some(report(role));
     rig.poll(0, 3_000);
     rig
@@ -62,12 +62,12 @@ fn connected(role: LineRole) -> Rig {
     rig
 }
 
-fn set(rig: &mut Rig, role: LineRole) -> Vec<MqttAct> {
+fn set(rig: &mut Rig, role: LineRole) -> Vec<SessionAct> {
     rig.lines[0].report.standby = Some(report(role));
     rig.acts()
 }
 
-fn topics(acts: &[MqttAct]) -> Vec<String> {
+fn topics(acts: &[SessionAct]) -> Vec<String> {
     published_texts(acts)
         .into_iter()
         .map(|(topic, _)| topic)
@@ -273,7 +273,7 @@ pub(super) fn trip(rig: &mut Rig) {
     );
 }
 
-fn events(acts: &[MqttAct]) -> Vec<&Publication> {
+fn events(acts: &[SessionAct]) -> Vec<&Publication> {
     publications(acts)
         .into_iter()
         .filter(|it| it.topic.ends_with("trip/event"))
@@ -360,12 +360,12 @@ fn stored_events_that_another_told_are_done() {
         .stored_events(rig.at(), &[stored(1, 3), stored(2, 4)], false);
     let acts = rig.acts();
     assert!(
-        acts.contains(&MqttAct::EventTaken(1)) && !acts.contains(&MqttAct::EventTaken(2)),
+        acts.contains(&SessionAct::EventTaken(1)) && !acts.contains(&SessionAct::EventTaken(2)),
         "{acts:?}"
     );
     assert!(events(&acts).is_empty());
     let acts = rig.send("drive/pump/trip/event", &told_by_the_other(4));
-    assert!(acts.contains(&MqttAct::EventTaken(2)), "{acts:?}");
+    assert!(acts.contains(&SessionAct::EventTaken(2)), "{acts:?}");
     // Events of its own journal are no one else's.
     rig.session.stored_events(rig.at(), &[stored(3, 5)], false);
     rig.send("drive/pump/trip/event", body(3, 5).to_string().as_bytes());
@@ -455,7 +455,7 @@ fn the_farewell_takes_back_what_it_spoke_for() {
             .session
             .farewell(rig.at())
             .into_iter()
-            .map(MqttAct::Publish)
+            .map(SessionAct::Publish)
             .collect();
         topics(&acts)
     };
@@ -493,7 +493,7 @@ fn one_of_them_announces_to_home_assistant_and_both_the_same() {
             role,
         )
     };
-    let announced = |acts: &[MqttAct]| -> Vec<(String, String)> {
+    let announced = |acts: &[SessionAct]| -> Vec<(String, String)> {
         published_texts(acts)
             .into_iter()
             .filter(|(topic, _)| topic.starts_with("homeassistant/"))
@@ -520,8 +520,7 @@ fn one_of_them_announces_to_home_assistant_and_both_the_same() {
         ..settings(MqttVersion::V5)
     };
     rig.session = super::MqttSession::new(
-        one_of_two("a", "b"),
-        settings,
+        (one_of_two("a", "b"), settings),
         super::harness::drives(),
         vec![name("hall")],
         rig.at(),

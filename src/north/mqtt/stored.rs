@@ -4,10 +4,9 @@
 use super::in_flight::{IN_FLIGHT_MAX, InFlight};
 use super::session::MqttSession;
 use super::told::EventMark;
-use super::types::MqttAct;
 use crate::domain::time::MonoTime;
 use crate::journal::StoredEvent;
-use crate::north::broker::PublicationRefusal;
+use crate::north::broker::{PublicationRefusal, SessionAct};
 use crate::north::clock::ClockMoment;
 use serde_json::{Map, Value};
 use std::collections::VecDeque;
@@ -125,9 +124,9 @@ impl StoredEvents {
     }
 
     /// The next request or report to the journal.
-    pub(super) fn next_act(&mut self) -> Option<MqttAct> {
+    pub(super) fn next_act(&mut self) -> Option<SessionAct> {
         if let Some(seq) = self.taken.pop_front() {
-            return Some(MqttAct::EventTaken(seq));
+            return Some(SessionAct::EventTaken(seq));
         }
         let asks = self.wants && !self.is_asked && self.waiting.len() <= IN_FLIGHT_MAX;
         if !asks {
@@ -135,7 +134,7 @@ impl StoredEvents {
         }
         self.wants = false;
         self.is_asked = true;
-        Some(MqttAct::WantEvents { after: self.newest })
+        Some(SessionAct::WantEvents { after: self.newest })
     }
 
     /// How many are not acknowledged.
@@ -145,14 +144,8 @@ impl StoredEvents {
 }
 
 impl MqttSession {
-    /// Takes events of the journal, which are published at `trip/event` until the broker has acknowledged them: then
-    /// [`MqttAct::EventTaken`] is returned for each. Together they are what [`MqttAct::WantEvents`] requested: the first of
-    /// those that no broker has and whose numbers are higher, in rising order.
-    ///
-    /// Anything else is ignored. A journal that has something not yet requested rings with no events and `more`; a
-    /// request that cannot be answered yet stays open until it can.
-    pub fn stored_events(&mut self, at: ClockMoment, events: &[StoredEvent], more: bool) {
-        self.clock.see(at);
+    /// Takes events of the journal.
+    pub(super) fn take_stored(&mut self, at: ClockMoment, events: &[StoredEvent], more: bool) {
         let (topics, told) = (&self.topics, &mut self.told);
         let has_pair = self.half.pair().is_some();
         let mut session = None;
@@ -204,7 +197,7 @@ mod tests {
 
     fn wanted(stored: &mut StoredEvents) -> Option<u64> {
         stored.next_act().map(|act| {
-            if let MqttAct::WantEvents { after } = act {
+            if let SessionAct::WantEvents { after } = act {
                 after
             } else {
                 panic!("{act:?}")
@@ -243,11 +236,11 @@ mod tests {
             sent(&mut stored);
         });
         let acts: Vec<_> = std::iter::from_fn(|| stored.next_act()).collect();
-        let taken = (1..=48).map(MqttAct::EventTaken);
+        let taken = (1..=48).map(SessionAct::EventTaken);
         assert_eq!(
             acts,
             taken
-                .chain([MqttAct::WantEvents { after: 64 }])
+                .chain([SessionAct::WantEvents { after: 64 }])
                 .collect::<Vec<_>>()
         );
     }

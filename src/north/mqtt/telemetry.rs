@@ -357,16 +357,10 @@ impl TelemetryTopics {
         }
         let info = self.infos.iter_mut().find(|info| !info.is_told)?;
         info.is_told = true;
-        let (topic, payload) = (info.topic.clone(), info.payload.clone());
-        let qos = Qos::AtLeastOnce;
         Some(Publication {
-            topic,
-            payload,
             retain: true,
-            qos,
-            expiry: None,
-            correlation: None,
-            token: None,
+            qos: Qos::AtLeastOnce,
+            ..Publication::new(info.topic.clone(), info.payload.clone())
         })
     }
 

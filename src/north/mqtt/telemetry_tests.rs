@@ -1,7 +1,8 @@
 //! What is published of the drives, when, and when it is taken back.
 
-use super::harness::{Rig, Staged, idle_control, on, publications, published_texts};
-use super::types::MqttAct;
+use super::harness::{
+    BrokerSession, Rig, SessionAct, idle_control, on, publications, published_texts,
+};
 use crate::domain::command::{Outcome, Owner, Reason, Report, RunIntent};
 use crate::domain::counts::ExchangeCounts;
 use crate::domain::frequency::Hertz;
@@ -15,12 +16,12 @@ use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::Duration;
 
-fn state(acts: &[MqttAct]) -> Option<Value> {
+fn state(acts: &[SessionAct]) -> Option<Value> {
     on(acts, "drive/pump/state").map(|text| serde_json::from_str(&text).expect("JSON"))
 }
 
 /// The drive continues to answer for this long.
-fn polled(rig: &mut Rig, millis: u64, output: u16) -> Vec<MqttAct> {
+fn polled(rig: &mut Rig, millis: u64, output: u16) -> Vec<SessionAct> {
     let mut all = Vec::new();
     for _ in 0..millis / 500 {
         all.extend(rig.pass(500));

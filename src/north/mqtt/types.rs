@@ -3,9 +3,7 @@
 pub use crate::domain::control::LeaseMode;
 use crate::domain::ids::Name;
 use crate::domain::standby::StandbyPair;
-use crate::drive::description::DriveRef;
-use crate::journal::WriteAttempt;
-use crate::north::broker::{MqttVersion, Publication, Qos, SubscriptionFilter, ToLine};
+use crate::north::broker::{MqttVersion, Qos};
 use std::time::Duration;
 
 /// Which gateway a session is of.
@@ -108,28 +106,4 @@ impl TopicTree {
             Self::Info => "info",
         }
     }
-}
-
-/// An act for the owner of the session.
-#[derive(Clone, Debug, PartialEq)]
-pub enum MqttAct {
-    /// Subscribe to these filters at quality of service 1; they are answered together.
-    Subscribe(Vec<SubscriptionFilter>),
-    /// Publish.
-    Publish(Publication),
-    /// Hand this to the lines.
-    ToLine(ToLine),
-    /// Keep this attempt to write, which no line saw: it was refused, is a repeat, or was withdrawn before it reached a
-    /// line. `None` for the drive: the message is for all, or for one that does not exist.
-    Keep(Option<DriveRef>, WriteAttempt),
-    /// The broker has the stored event with this number, or will not accept it: it is not to be published again.
-    EventTaken(u64),
-    /// The session requests the first stored events with higher numbers that no broker has: now if there are any, else
-    /// as soon as there is one. It is answered once, by [`MqttSession::stored_events`](super::MqttSession::stored_events).
-    WantEvents {
-        /// The highest number that it has received.
-        after: u64,
-    },
-    /// Drop the connection and make a new one.
-    Reconnect(&'static str),
 }

@@ -2,7 +2,6 @@
 
 use super::harness::*;
 use super::payload::{PayloadMetric, PayloadValue, SparkplugPayload};
-use super::types::SparkplugAct;
 use crate::domain::command::{Direction, GoOrder, Order, Outcome, Owner, Reason};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::AskerId;
@@ -21,7 +20,7 @@ fn stop() -> Order {
 }
 
 /// What is published about the last command: outcome, reason, message.
-fn published_outcome(acts: &[SparkplugAct], births: &[Sent]) -> Vec<String> {
+fn published_outcome(acts: &[SessionAct], births: &[Sent]) -> Vec<String> {
     let data = sent(acts);
     let words = ["result/outcome", "result/reason", "result/message"];
     let alias = |name: &str| {
@@ -394,7 +393,7 @@ fn while_the_probe_is_overdue_everything_but_a_stop_is_stale_until_a_later_one_i
     rig.pass(20_000);
     rig.is_deaf = true;
     rig.millis += 1_000;
-    let is_probe = |act: &SparkplugAct| matches!(act, SparkplugAct::Publish(it) if it.topic == PROBE && it.qos == Qos::AtLeastOnce);
+    let is_probe = |act: &SessionAct| matches!(act, SessionAct::Publish(it) if it.topic == PROBE && it.qos == Qos::AtLeastOnce);
     assert!(
         rig.acts().iter().any(is_probe),
         "it waits where commands wait"

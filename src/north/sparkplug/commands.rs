@@ -4,20 +4,17 @@ use super::node::{self, NodeCommand};
 use super::order;
 use super::payload::{PayloadValue, SparkplugPayload};
 use super::session::SparkplugSession;
-use crate::domain::command::{CommandAnswer, Order, Outcome, Owner, Reason, Report};
-use crate::domain::ids::{AskerId, Ticket};
+use crate::domain::command::{CommandAnswer, Order, Outcome, Reason, Report};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::journal::TriedWrite;
 use crate::north::broker::{
-    BrokerMessage, DriveRequest, MqttVersion, NewCommand, PendingRequest, refused_frequency,
-    tried_by,
+    BrokerMessage, BrokerSession, DriveRequest, MqttVersion, NewCommand, PendingRequest,
+    refused_frequency, tried_by, tried_text,
 };
 use crate::north::clock::ClockMoment;
 use crate::north::command_words::{RefusedCommand, RunWord, run_word, short};
 use crate::north::shown::message;
-
-const OWNER: Owner = Owner::Sparkplug;
 
 impl SparkplugSession {
     /// A command for the edge node: births again, or STOP for all.
@@ -27,7 +24,7 @@ impl SparkplugSession {
             Err(why) => {
                 return self.refuse(
                     None,
-                    Some(text("NCMD", &why)),
+                    Some(tried_text("NCMD", &why)),
                     &RefusedCommand::new(Reason::NotUnderstood, why),
                 );
             }
@@ -54,7 +51,7 @@ impl SparkplugSession {
         } else {
             ""
         };
-        let tried = Some(text(node::STOP_ALL, says));
+        let tried = Some(tried_text(node::STOP_ALL, says));
         if run_word(says) != Ok(RunWord::Stop) {
             let refused = RefusedCommand::new(
                 Reason::NotUnderstood,
@@ -91,19 +88,23 @@ impl SparkplugSession {
             .position(|drive| drive.name.as_str() == device)
         else {
             let refused = RefusedCommand::plain(Reason::UnknownDrive);
-            return self.refuse(None, Some(text("DCMD", device)), &refused);
+            return self.refuse(None, Some(tried_text("DCMD", device)), &refused);
         };
         let payload = match SparkplugPayload::read(message.payload) {
             Ok(payload) => payload,
             Err(why) => {
                 let refused = RefusedCommand::new(Reason::NotUnderstood, why);
-                return self.refuse(Some(drive), Some(text("DCMD", &refused.message)), &refused);
+                return self.refuse(
+                    Some(drive),
+                    Some(tried_text("DCMD", &refused.message)),
+                    &refused,
+                );
             }
         };
         let asked = order::read(&self.devices[drive], &payload.metrics);
         if let Some(refused) = &asked.refused {
             let tried = said(&payload);
-            self.refuse(Some(drive), Some(text("DCMD", &tried)), refused);
+            self.refuse(Some(drive), Some(tried_text("DCMD", &tried)), refused);
         }
         let Some(order) = asked.order else { return };
         match self.may_be_given(at, &order, &payload, message) {
@@ -138,11 +139,11 @@ impl SparkplugSession {
             let why = "the births of this connection are not published and proven yet, or the primary host is offline";
             return Err(RefusedCommand::new(Reason::CommanderLost, why));
         }
-        if self.path.is_unproven() {
+        if self.link.path.is_unproven() {
             let why = "the gateway's probe through the broker is late, so that the command may have waited: send it again";
             return Err(RefusedCommand::new(Reason::Stale, why));
         }
-        if !self.commands.has_room_for_command() {
+        if !self.link.commands.has_room_for_command() {
             return Err(RefusedCommand::plain(Reason::QueueFull));
         }
         Ok(Some(issued))
@@ -165,7 +166,7 @@ impl SparkplugSession {
             let why = "the message has no timestamp, so its age is unknown";
             return Err(RefusedCommand::new(Reason::Stale, why));
         };
-        let issue = self.issued.take(at, timestamp)?;
+        let issue = self.link.issued.take(at, timestamp)?;
         let most = self.settings.max_command_age;
         if issue.age > most {
             let why = format!(
@@ -181,7 +182,7 @@ impl SparkplugSession {
 
     fn give(&mut self, at: ClockMoment, drive: usize, order: Order, issued: Option<MonoTime>) {
         if order.is_stop() {
-            while let Some((pending, report)) = self.commands.give_way_to_stop(drive) {
+            while let Some((pending, report)) = self.link.commands.give_way_to_stop(drive) {
                 // The newer stop is reported.
                 let is_stop =
                     matches!(&pending.request, DriveRequest::Order(order) if order.is_stop());
@@ -191,16 +192,16 @@ impl SparkplugSession {
             }
         }
         let command = NewCommand {
-            ticket: self.commands.next_ticket(),
+            ticket: self.link.commands.next_ticket(),
             drive,
-            by: OWNER,
+            by: Self::OWNER,
             order,
             start_before: at.mono + self.settings.command_ttl,
             issued,
             epoch: None,
             context: (),
         };
-        self.commands.give(&self.drives[drive], command);
+        self.link.commands.give(&self.drives[drive], command);
         self.counters.commands += 1;
     }
 
@@ -215,25 +216,18 @@ impl SparkplugSession {
         self.counters.refused_stale +=
             u64::from(matches!(refused.reason, Reason::Stale | Reason::ClockAhead));
         let report = Report::refused(refused.reason);
-        self.journal_attempt(drive, tried, report);
+        let target = drive.and_then(|drive| self.drives.get(drive));
+        self.link
+            .commands
+            .keep_attempt(target, Self::OWNER, tried, report);
         if let Some(device) = drive.and_then(|drive| self.devices.get_mut(drive)) {
             device.tell(report, refused.message.clone());
         }
     }
 
-    fn journal_attempt(&mut self, drive: Option<usize>, tried: Option<TriedWrite>, report: Report) {
-        let place = drive
-            .and_then(|drive| self.drives.get(drive))
-            .map(|drive| drive.place);
-        self.commands.keep_attempt(place, OWNER, tried, report);
-    }
-
-    /// Takes an answer to a command. Answers to others, or to commands that are no longer pending, are ignored.
-    pub fn command_answer(&mut self, answer: &CommandAnswer) {
-        if answer.asker != AskerId::SPARKPLUG {
-            return;
-        }
-        let Some(pending) = self.commands.get(answer.ticket).cloned() else {
+    /// Takes the outcome of one of our commands.
+    pub(super) fn answered(&mut self, answer: &CommandAnswer) {
+        let Some(pending) = self.link.commands.get(answer.ticket).cloned() else {
             return;
         };
         // A successful renewal is no news.
@@ -243,26 +237,24 @@ impl SparkplugSession {
             self.tell(pending.drive, answer.report, Some(&pending));
         }
         if answer.is_final {
-            self.commands.take(answer.ticket);
-        }
-    }
-
-    /// Takes the notice that a line could not accept the command with this ticket, because its inbox was full.
-    pub fn refused_by_line(&mut self, ticket: Ticket) {
-        if let Some((pending, report)) = self.commands.refused_by_line(ticket) {
-            self.tell(pending.drive, report, Some(&pending));
+            self.link.commands.take(answer.ticket);
         }
     }
 
     /// Gives up what should have been answered long ago.
     pub(super) fn drop_overdue(&mut self, at: MonoTime) {
-        while let Some((pending, report)) = self.commands.take_overdue(at) {
+        while let Some((pending, report)) = self.link.commands.take_overdue(at) {
             self.counters.unanswered += 1;
             self.tell(pending.drive, report, Some(&pending));
         }
     }
 
-    fn tell(&mut self, drive: usize, report: Report, pending: Option<&PendingRequest<()>>) {
+    pub(super) fn tell(
+        &mut self,
+        drive: usize,
+        report: Report,
+        pending: Option<&PendingRequest<()>>,
+    ) {
         let description = self.drives.get(drive);
         let limits = pending
             .zip(description)
@@ -275,17 +267,6 @@ impl SparkplugSession {
             device.tell(report, said);
         }
     }
-}
-
-/// What was attempted by something that is no order, for the audit: on one line, and short.
-fn text(place: &str, says: &str) -> TriedWrite {
-    let visible = |c: char| if c.is_control() { ' ' } else { c };
-    TriedWrite::Text(
-        format!("{place}: {}", short(says))
-            .chars()
-            .map(visible)
-            .collect(),
-    )
 }
 
 /// The metrics of a command in words.

@@ -3,18 +3,15 @@
 
 use super::payload::{PayloadMetric, PayloadValue, SparkplugPayload};
 use super::session::SparkplugSession;
-use super::types::{Settings, SparkplugAct};
-use crate::domain::command::{CommandAnswer, CommandRequest, Order, Outcome, Reason, Report};
+use super::types::Settings;
 use crate::domain::control::{ControlAction, ControlSettings};
-use crate::domain::ids::{AskerId, DriveIndex, Ticket};
-use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
-use crate::journal::WriteAttempt;
-use crate::north::broker::{BrokerEvent, BrokerMessage, MqttVersion, Publication, ToLine};
-use crate::north::clock::ClockMoment;
-use crate::north::stage::{self, Stage};
-pub(super) use crate::north::stage::{EPOCH_MS, Staged, message, name};
-use std::ops::{Deref, DerefMut};
+use crate::north::broker::{BrokerMessage, MqttVersion, Publication};
+pub(super) use crate::north::broker::{BrokerSession, SessionAct};
+use crate::north::stage;
+pub(super) use crate::north::stage::{
+    EPOCH_MS, commands, kept, message, name, orders, publications,
+};
 use std::time::Duration;
 
 pub(super) const PROBE: &str = "vfd/plant/sparkplug/probe";
@@ -71,61 +68,7 @@ impl Sent {
 }
 
 /// A session with its surroundings.
-pub(super) struct Rig {
-    pub(super) session: SparkplugSession,
-    stage: Stage,
-    /// No probe returns.
-    pub(super) is_deaf: bool,
-}
-
-impl Deref for Rig {
-    type Target = Stage;
-
-    fn deref(&self) -> &Stage {
-        &self.stage
-    }
-}
-
-impl DerefMut for Rig {
-    fn deref_mut(&mut self) -> &mut Stage {
-        &mut self.stage
-    }
-}
-
-impl Staged for Rig {
-    type Act = SparkplugAct;
-
-    fn stage(&mut self) -> &mut Stage {
-        &mut self.stage
-    }
-
-    fn next_wake(&self) -> Option<MonoTime> {
-        self.session.next_wake()
-    }
-
-    fn tick(&mut self, at: ClockMoment) {
-        self.session.tick(at);
-    }
-
-    fn acts(&mut self) -> Vec<SparkplugAct> {
-        self.stage.show();
-        let mut all = Vec::new();
-        while let Some(act) =
-            self.session
-                .next_act(self.stage.at(), &self.stage.shown, &self.stage.lines)
-        {
-            if let SparkplugAct::Publish(it) = &act
-                && it.topic == PROBE
-                && !self.is_deaf
-            {
-                self.handle(BrokerEvent::Message(message(PROBE, &it.payload)));
-            }
-            all.push(act);
-            assert!(all.len() < 10_000, "no end of acts");
-        }
-        all
-    }
-}
+pub(super) type Rig = stage::Rig<SparkplugSession>;
 
 impl Rig {
     pub(super) fn new() -> Self {
@@ -133,12 +76,7 @@ impl Rig {
     }
 
     pub(super) fn with(settings: Settings) -> Self {
-        let stage = Stage::new();
-        Self {
-            session: SparkplugSession::new(settings, drives(), &[name("hall")], stage.at(), 7),
-            stage,
-            is_deaf: false,
-        }
+        Self::of(settings, drives(), PROBE)
     }
 
     /// A session that is born, with `pump` polled just now and the host online.
@@ -154,32 +92,15 @@ impl Rig {
         u64::try_from(self.at().wall.unix_ms).expect("after 1970")
     }
 
-    pub(super) fn handle(&mut self, event: BrokerEvent<'_>) {
-        self.session.handle(self.stage.at(), event);
-    }
-
     /// Connects with this number, and the broker grants everything.
-    pub(super) fn connect(&mut self, bdseq: u8) -> Vec<SparkplugAct> {
+    pub(super) fn connect(&mut self, bdseq: u8) -> Vec<SessionAct> {
         self.session.connecting(bdseq);
-        self.handle(BrokerEvent::Connected(self.stage.broker));
-        let acts = self.acts();
-        let filters = acts.iter().find_map(|act| {
-            if let SparkplugAct::Subscribe(it) = act {
-                Some(it.len())
-            } else {
-                None
-            }
-        });
-        self.handle(BrokerEvent::Subscribed(vec![
-            true;
-            filters
-                .expect("a subscription")
-        ]));
-        self.acts()
+        let [_, acts] = self.connect_and_grant();
+        acts
     }
 
     /// The host says whether it is online.
-    pub(super) fn host(&mut self, online: bool, timestamp: u64) -> Vec<SparkplugAct> {
+    pub(super) fn host(&mut self, online: bool, timestamp: u64) -> Vec<SessionAct> {
         let payload = format!(r#"{{"online":{online},"timestamp":{timestamp}}}"#);
         self.deliver(&BrokerMessage {
             retain: true,
@@ -187,13 +108,8 @@ impl Rig {
         })
     }
 
-    pub(super) fn deliver(&mut self, message: &BrokerMessage<'_>) -> Vec<SparkplugAct> {
-        self.handle(BrokerEvent::Message(message.clone()));
-        self.acts()
-    }
-
     /// A host writes these metrics of `pump`.
-    pub(super) fn command(&mut self, metrics: Vec<PayloadMetric>) -> Vec<SparkplugAct> {
+    pub(super) fn command(&mut self, metrics: Vec<PayloadMetric>) -> Vec<SessionAct> {
         let payload = SparkplugPayload {
             timestamp: Some(self.unix_ms()),
             metrics,
@@ -203,32 +119,13 @@ impl Rig {
     }
 
     /// A host writes these metrics of the edge node.
-    pub(super) fn node_command(&mut self, metrics: Vec<PayloadMetric>) -> Vec<SparkplugAct> {
+    pub(super) fn node_command(&mut self, metrics: Vec<PayloadMetric>) -> Vec<SessionAct> {
         let payload = SparkplugPayload {
             timestamp: Some(self.unix_ms()),
             metrics,
             seq: None,
         };
         self.deliver(&message("spBv1.0/hall 1/NCMD/plant", &payload.bytes()))
-    }
-
-    pub(super) fn answer(
-        &mut self,
-        ticket: Ticket,
-        outcome: Outcome,
-        reason: Reason,
-        is_final: bool,
-    ) -> Vec<SparkplugAct> {
-        let report = Report::new(outcome, reason);
-        let answer = CommandAnswer {
-            asker: AskerId::SPARKPLUG,
-            ticket,
-            drive: DriveIndex(0),
-            report,
-            is_final,
-        };
-        self.session.command_answer(&answer);
-        self.acts()
     }
 }
 
@@ -245,16 +142,9 @@ pub(super) fn text(name: &str, value: &str) -> PayloadMetric {
 }
 
 /// What was published, except the probe.
-pub(super) fn sent(acts: &[SparkplugAct]) -> Vec<Sent> {
-    let published = acts.iter().filter_map(|act| {
-        if let SparkplugAct::Publish(it) = act {
-            Some(it)
-        } else {
-            None
-        }
-    });
-    let published = published.filter(|it| it.topic != PROBE);
-    published
+pub(super) fn sent(acts: &[SessionAct]) -> Vec<Sent> {
+    publications(acts)
+        .into_iter()
         .map(|publication| {
             let mut levels = publication.topic.split('/');
             assert_eq!(
@@ -276,37 +166,6 @@ pub(super) fn sent(acts: &[SparkplugAct]) -> Vec<Sent> {
         .collect()
 }
 
-pub(super) fn kinds(acts: &[SparkplugAct]) -> Vec<String> {
+pub(super) fn kinds(acts: &[SessionAct]) -> Vec<String> {
     sent(acts).into_iter().map(|sent| sent.kind).collect()
-}
-
-pub(super) fn commands(acts: &[SparkplugAct]) -> Vec<&CommandRequest> {
-    acts.iter()
-        .filter_map(|act| {
-            if let SparkplugAct::ToLine(ToLine::Command(_, request)) = act {
-                Some(request)
-            } else {
-                None
-            }
-        })
-        .collect()
-}
-
-pub(super) fn orders(acts: &[SparkplugAct]) -> Vec<&Order> {
-    commands(acts)
-        .into_iter()
-        .map(|request| &request.order)
-        .collect()
-}
-
-pub(super) fn kept(acts: &[SparkplugAct]) -> Vec<&WriteAttempt> {
-    acts.iter()
-        .filter_map(|act| {
-            if let SparkplugAct::Keep(_, attempt) = act {
-                Some(attempt)
-            } else {
-                None
-            }
-        })
-        .collect()
 }

@@ -29,4 +29,4 @@ mod session_tests;
 mod standby_tests;
 
 pub use session::SparkplugSession;
-pub use types::{Settings, SparkplugAct, SparkplugCounters};
+pub use types::{Settings, SparkplugCounters};

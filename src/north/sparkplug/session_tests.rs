@@ -2,7 +2,7 @@
 
 use super::harness::*;
 use super::payload::{PayloadMetric, PayloadType, PayloadValue, PropertyScalar};
-use super::types::{Settings, SparkplugAct};
+use super::types::Settings;
 use crate::domain::report::LineState as PortState;
 use crate::drive::snapshot::DrivePresence;
 use crate::drive::view::{RunState, TripRecord};
@@ -31,7 +31,7 @@ fn the_will_is_ndeath_with_the_number_of_the_connection_and_nothing_else() {
             (will.topic.as_str(), will.retain, will.qos),
             ("spBv1.0/hall 1/NDEATH/plant", false, Qos::AtLeastOnce)
         );
-        let sent = &sent(&[SparkplugAct::Publish(will)])[0];
+        let sent = &sent(&[SessionAct::Publish(will)])[0];
         assert_eq!((sent.payload.seq, sent.payload.metrics.len()), (None, 1));
         assert_eq!(sent.value("bdSeq"), bdseq(number.into()));
         assert_eq!(
@@ -48,7 +48,7 @@ fn commands_and_the_state_of_the_host_are_subscribed_first() {
     let mut rig = Rig::new();
     rig.handle(BrokerEvent::Connected(rig.broker));
     let acts = rig.acts();
-    let [SparkplugAct::Subscribe(filters)] = &acts[..] else {
+    let [SessionAct::Subscribe(filters)] = &acts[..] else {
         panic!("{acts:?}")
     };
     let filters: Vec<_> = filters
@@ -63,7 +63,7 @@ fn commands_and_the_state_of_the_host_are_subscribed_first() {
     assert_eq!(filters, [&commands[..], &[(STATE, true)]].concat());
     rig.handle(BrokerEvent::Subscribed(vec![true, false, true, true]));
     assert!(
-        matches!(rig.acts()[..], [SparkplugAct::Reconnect(_)]),
+        matches!(rig.acts()[..], [SessionAct::Reconnect(_)]),
         "one is not granted"
     );
 }
@@ -485,7 +485,7 @@ fn births_that_wait_for_a_host_that_is_gone_wake_nobody() {
         "Node Control/Rebirth",
         PayloadValue::Boolean(true),
     )]);
-    assert!(matches!(rig.host(false, 1)[..], [SparkplugAct::Leave(_)]));
+    assert!(matches!(rig.host(false, 1)[..], [SessionAct::Leave(_)]));
     for _ in 0..20 {
         rig.pass(1_000);
         assert!(
@@ -532,12 +532,12 @@ fn a_primary_host_that_goes_offline_is_left_with_ndeath_and_the_connection_is_ma
     let mut rig = Rig::born();
     assert_eq!(rig.host(false, 0), [], "older than its birth");
     let acts = rig.host(false, 1);
-    assert!(matches!(acts[..], [SparkplugAct::Leave(_)]), "{acts:?}");
+    assert!(matches!(acts[..], [SessionAct::Leave(_)]), "{acts:?}");
     let farewell: Vec<_> = rig
         .session
         .farewell(rig.at())
         .into_iter()
-        .map(SparkplugAct::Publish)
+        .map(SessionAct::Publish)
         .collect();
     let death = &sent(&farewell)[0];
     assert_eq!(
@@ -702,9 +702,9 @@ fn what_a_dying_broker_may_not_have_passed_on_is_reported_again() {
 #[test]
 fn a_probe_that_does_not_come_back_ends_the_connection_and_heartbeats_come_with_probes_alone() {
     let mut rig = Rig::born();
-    let alive = |acts: &[SparkplugAct]| {
+    let alive = |acts: &[SessionAct]| {
         acts.iter()
-            .filter(|act| **act == SparkplugAct::ToLine(ToLine::PathAlive))
+            .filter(|act| **act == SessionAct::ToLine(ToLine::PathAlive))
             .count()
     };
     assert!(alive(&rig.pass(5_000)) >= 4);
@@ -713,7 +713,7 @@ fn a_probe_that_does_not_come_back_ends_the_connection_and_heartbeats_come_with_
     assert_eq!(alive(&acts), 0);
     assert!(
         acts.iter()
-            .any(|act| matches!(act, SparkplugAct::Reconnect(_)))
+            .any(|act| matches!(act, SessionAct::Reconnect(_)))
     );
     assert!(!rig.session.is_path_alive(rig.at()));
 }
@@ -721,9 +721,9 @@ fn a_probe_that_does_not_come_back_ends_the_connection_and_heartbeats_come_with_
 #[test]
 fn a_way_that_is_open_for_moments_only_keeps_no_lease() {
     let mut rig = Rig::born();
-    let alive = |acts: &[SparkplugAct]| {
+    let alive = |acts: &[SessionAct]| {
         acts.iter()
-            .filter(|act| **act == SparkplugAct::ToLine(ToLine::PathAlive))
+            .filter(|act| **act == SessionAct::ToLine(ToLine::PathAlive))
             .count()
     };
     assert!(alive(&rig.pass(10_000)) >= 9);
@@ -748,9 +748,8 @@ fn who_has_read_every_probe_cannot_write_the_next() {
     let mut rig = Rig::born();
     rig.is_deaf = true;
     let acts = rig.pass(2_500);
-    let is_probe =
-        |act: &&SparkplugAct| matches!(act, SparkplugAct::Publish(it) if it.topic == PROBE);
-    let Some(SparkplugAct::Publish(probe)) = acts.iter().find(is_probe) else {
+    let is_probe = |act: &&SessionAct| matches!(act, SessionAct::Publish(it) if it.topic == PROBE);
+    let Some(SessionAct::Publish(probe)) = acts.iter().find(is_probe) else {
         panic!("{acts:?}")
     };
     let text = String::from_utf8(probe.payload.clone()).unwrap();
@@ -763,13 +762,13 @@ fn who_has_read_every_probe_cannot_write_the_next() {
     ] {
         let acts = rig.deliver(&message(PROBE, forged.as_bytes()));
         assert!(
-            !acts.contains(&SparkplugAct::ToLine(ToLine::PathAlive)),
+            !acts.contains(&SessionAct::ToLine(ToLine::PathAlive)),
             "{forged}"
         );
     }
     assert!(
         rig.deliver(&message(PROBE, text.as_bytes()))
-            .contains(&SparkplugAct::ToLine(ToLine::PathAlive)),
+            .contains(&SessionAct::ToLine(ToLine::PathAlive)),
         "its own"
     );
 }
@@ -801,7 +800,7 @@ fn other_drives_are_born_with_the_node_and_keep_their_history() {
     let mut drives = drives();
     drives.reverse();
     rig.views.reverse();
-    rig.session.replace(drives, &[name("hall")]);
+    rig.session.replace(rig.at(), drives, vec![name("hall")]);
     assert_eq!(kinds(&rig.acts()), ["NBIRTH", "DBIRTH pump"]);
     rig.poll(0, 100);
     assert_eq!(kinds(&rig.acts()), ["DBIRTH fan"]);
@@ -811,9 +810,9 @@ fn other_drives_are_born_with_the_node_and_keep_their_history() {
 #[test]
 fn a_primary_host_that_goes_offline_before_other_drives_are_born_is_left_all_the_same() {
     let mut rig = Rig::born();
-    rig.session.replace(drives(), &[name("hall")]);
+    rig.session.replace(rig.at(), drives(), vec![name("hall")]);
     assert!(
-        matches!(rig.host(false, 1)[..], [SparkplugAct::Leave(_)]),
+        matches!(rig.host(false, 1)[..], [SessionAct::Leave(_)]),
         "it had received the births before"
     );
 }

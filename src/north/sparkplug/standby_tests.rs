@@ -1,10 +1,10 @@
 //! One of several gateways that are the same edge node, one at a time.
 
 use super::harness::*;
-use super::types::{Settings, SparkplugAct};
+use super::types::Settings;
 use crate::domain::standby::{LineRole, StandbyReport, StandbyTrouble};
 
-fn set(rig: &mut Rig, role: LineRole) -> Vec<SparkplugAct> {
+fn set(rig: &mut Rig, role: LineRole) -> Vec<SessionAct> {
     rig.lines[0].report.standby = Some(StandbyReport {
         role,
         take_overs: 0,
@@ -50,12 +50,12 @@ fn who_gives_the_line_up_dies_and_stays_away() {
     rig.connect(3);
     rig.host(true, 1);
     let acts = set(&mut rig, LineRole::Listening);
-    assert!(matches!(acts[..], [SparkplugAct::Leave(_)]), "{acts:?}");
+    assert!(matches!(acts[..], [SessionAct::Leave(_)]), "{acts:?}");
     let farewell: Vec<_> = rig
         .session
         .farewell(rig.at())
         .into_iter()
-        .map(SparkplugAct::Publish)
+        .map(SessionAct::Publish)
         .collect();
     assert_eq!(kinds(&farewell), ["NDEATH"]);
     rig.handle(crate::north::broker::BrokerEvent::Lost);

@@ -5,10 +5,9 @@ use super::node;
 use super::payload::{PayloadMetric, SparkplugPayload};
 use super::session::SparkplugSession;
 use super::topics::{DeviceKind, MessageKind};
-use super::types::SparkplugAct;
 use crate::domain::time::MonoTime;
 use crate::drive::view::DriveView;
-use crate::north::broker::{OversizedPublication, Publication, Qos, SessionLine};
+use crate::north::broker::{Publication, Qos, SessionAct, SessionLine};
 use std::sync::Arc;
 
 /// Longest packet if the broker names no smaller limit.
@@ -20,7 +19,7 @@ impl SparkplugSession {
         at: MonoTime,
         views: &[Arc<DriveView>],
         lines: &[SessionLine],
-    ) -> Option<SparkplugAct> {
+    ) -> Option<SessionAct> {
         if !self.may_tell() {
             self.record(at, views);
             return None;
@@ -31,12 +30,11 @@ impl SparkplugSession {
         if let Some(publication) = self.next_of_presence(at, views) {
             return Some(publication);
         }
-        if let Some(payload) = self.path.take_probe(at) {
+        if let Some(payload) = self.link.path.take_probe(at) {
             // It must wait wherever a command waits, so it has to be in the same queue of the broker.
-            let qos = Qos::AtLeastOnce;
-            return Some(SparkplugAct::Publish(Publication {
-                qos,
-                ..publication(self.topics.probe(), payload)
+            return Some(SessionAct::Publish(Publication {
+                qos: Qos::AtLeastOnce,
+                ..Publication::new(self.topics.probe(), payload)
             }));
         }
         if self.rebirth_at.is_some() {
@@ -44,7 +42,7 @@ impl SparkplugSession {
             self.record(at, views);
             return None;
         }
-        let changed = self.node.data(millis(self.clock, at), lines);
+        let changed = self.node.data(millis(self.link.clock, at), lines);
         if !changed.is_empty() {
             return self.publish(at, self.topics.node(MessageKind::Data), changed);
         }
@@ -59,12 +57,12 @@ impl SparkplugSession {
     }
 
     /// NBIRTH, with which everything starts over.
-    fn node_birth(&mut self, at: MonoTime, lines: &[SessionLine]) -> SparkplugAct {
+    fn node_birth(&mut self, at: MonoTime, lines: &[SessionLine]) -> SessionAct {
         let stops = self
             .drives
             .iter()
             .any(|drive| drive.control.as_ref().is_some_and(|it| it.from_sparkplug));
-        let at_ms = millis(self.clock, at);
+        let at_ms = millis(self.link.clock, at);
         let bdseq = node::bdseq(self.bdseq, at_ms);
         let metrics = self.node.birth(bdseq, at_ms, lines, stops);
         self.seq = 0;
@@ -75,19 +73,19 @@ impl SparkplugSession {
             device.is_born = false;
         }
         if !self.is_born {
-            self.path.probe_from(at);
+            self.link.path.probe_from(at);
         }
         self.counters.births += 1;
         let act = self.publish(at, self.topics.node(MessageKind::Birth), metrics);
         self.is_born = act.is_some();
         self.is_known |= self.is_born;
-        act.unwrap_or(SparkplugAct::Reconnect(
+        act.unwrap_or(SessionAct::Reconnect(
             "the broker takes no packet as large as NBIRTH",
         ))
     }
 
     /// The next birth or death of a device.
-    fn next_of_presence(&mut self, at: MonoTime, views: &[Arc<DriveView>]) -> Option<SparkplugAct> {
+    fn next_of_presence(&mut self, at: MonoTime, views: &[Arc<DriveView>]) -> Option<SessionAct> {
         for (place, view) in (0..self.devices.len()).zip(views) {
             let is_online = view.is_online() && self.listens.get(place) != Some(&true);
             let device = &mut self.devices[place];
@@ -102,7 +100,7 @@ impl SparkplugSession {
             }
             let now = DeviceMoment {
                 at,
-                clock: self.clock,
+                clock: self.link.clock,
                 drive,
                 view,
             };
@@ -126,8 +124,8 @@ impl SparkplugSession {
         at: MonoTime,
         views: &[Arc<DriveView>],
         data: impl Fn(&mut SparkplugDevice, &DeviceMoment<'_>, u64) -> Vec<PayloadMetric>,
-    ) -> Option<SparkplugAct> {
-        let probes = self.path.sent();
+    ) -> Option<SessionAct> {
+        let probes = self.link.path.sent();
         for _ in 0..self.devices.len() {
             let place = self.place;
             self.place = (self.place + 1) % self.devices.len();
@@ -145,7 +143,7 @@ impl SparkplugSession {
                 device,
                 &DeviceMoment {
                     at,
-                    clock: self.clock,
+                    clock: self.link.clock,
                     drive,
                     view,
                 },
@@ -171,7 +169,7 @@ impl SparkplugSession {
         for ((device, drive), view) in self.devices.iter_mut().zip(&self.drives).zip(views) {
             device.record(&DeviceMoment {
                 at,
-                clock: self.clock,
+                clock: self.link.clock,
                 drive,
                 view,
             });
@@ -184,38 +182,38 @@ impl SparkplugSession {
         at: MonoTime,
         topic: String,
         metrics: Vec<PayloadMetric>,
-    ) -> Option<SparkplugAct> {
+    ) -> Option<SessionAct> {
         let payload = SparkplugPayload {
-            timestamp: Some(millis(self.clock, at)),
+            timestamp: Some(millis(self.link.clock, at)),
             metrics,
             seq: Some(self.seq.into()),
         };
-        let publication = publication(topic, payload.bytes());
+        let publication = Publication::new(topic, payload.bytes());
         let (bytes, limit) = (packet_bytes(&publication), self.packet_bytes_max());
-        if bytes > limit {
+        if !self
+            .link
+            .oversized
+            .admits(&publication.topic, bytes, Some(limit))
+        {
             self.counters.too_large += 1;
-            self.oversized.add(OversizedPublication {
-                topic: publication.topic,
-                bytes,
-                limit,
-            });
             return None;
         }
-        self.oversized.published(&publication.topic);
         self.seq = self.seq.wrapping_add(1);
         self.counters.messages_out += 1;
-        Some(SparkplugAct::Publish(publication))
+        Some(SessionAct::Publish(publication))
     }
 
     fn packet_bytes_max(&self) -> usize {
-        self.broker
+        self.link
+            .limits
             .maximum_packet_bytes
             .unwrap_or(PACKET_MAX)
             .min(PACKET_MAX)
     }
 
     pub(super) fn count_history(&mut self) {
-        self.counters.host_awaited = u64::from(self.path.is_granted() && !self.host.is_there());
+        self.counters.host_awaited =
+            u64::from(self.link.path.is_granted() && !self.host.is_there());
         self.counters.history_waiting = self
             .devices
             .iter()
@@ -227,20 +225,6 @@ impl SparkplugSession {
             .map(|device| device.history.take_dropped())
             .sum();
         self.counters.history_dropped += dropped;
-    }
-}
-
-/// At most once and not retained, as all but NDEATH.
-pub(super) const fn publication(topic: String, payload: Vec<u8>) -> Publication {
-    let qos = Qos::AtMostOnce;
-    Publication {
-        topic,
-        payload,
-        retain: false,
-        qos,
-        expiry: None,
-        correlation: None,
-        token: None,
     }
 }
 

@@ -1,9 +1,7 @@
 //! Inputs and outputs of the Sparkplug session.
 
 use crate::domain::ids::Name;
-use crate::drive::description::DriveRef;
-use crate::journal::WriteAttempt;
-use crate::north::broker::{MqttVersion, Publication, SubscriptionFilter, ToLine};
+use crate::north::broker::MqttVersion;
 use std::time::Duration;
 
 /// Settings of the Sparkplug side.
@@ -31,24 +29,6 @@ pub struct Settings {
     pub max_command_age: Duration,
     /// Most changes of telemetry that are kept while no host can be reached, over all drives; 0: none.
     pub keep_telemetry: usize,
-}
-
-/// An act for the owner of the session.
-#[derive(Clone, Debug, PartialEq)]
-pub enum SparkplugAct {
-    /// Subscribe to these filters at quality of service 1; they are answered together.
-    Subscribe(Vec<SubscriptionFilter>),
-    /// Publish.
-    Publish(Publication),
-    /// Hand this to the lines.
-    ToLine(ToLine),
-    /// Keep this attempt to write, which no line saw. `None` for the drive: it is for all, or for one that does not
-    /// exist.
-    Keep(Option<DriveRef>, WriteAttempt),
-    /// Drop the connection and make a new one: the broker publishes the will.
-    Reconnect(&'static str),
-    /// Say farewell, disconnect, and make a new connection.
-    Leave(&'static str),
 }
 
 /// Counts of the Sparkplug session since start. All but [`SparkplugCounters::history_waiting`] and

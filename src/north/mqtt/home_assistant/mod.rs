@@ -255,19 +255,11 @@ impl DiscoveryPlant<'_> {
     }
 }
 
-const fn publication(topic: String, payload: Vec<u8>, retain: bool) -> Publication {
-    let qos = Qos::AtLeastOnce;
-    let expiry = None;
-    let correlation = None;
-    let token = None;
+fn publication(topic: String, payload: Vec<u8>, retain: bool) -> Publication {
     Publication {
-        topic,
-        payload,
         retain,
-        qos,
-        expiry,
-        correlation,
-        token,
+        qos: Qos::AtLeastOnce,
+        ..Publication::new(topic, payload)
     }
 }
 

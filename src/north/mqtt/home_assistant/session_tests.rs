@@ -6,10 +6,11 @@ use crate::domain::ids::{DriveIndex, Name};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::north::broker::{BrokerEvent, BrokerMessage, MqttVersion, Publication, Qos, ToLine};
 use crate::north::mqtt::harness::{
-    Rig, Staged, commands, drives, identity, message, name, publications, settings,
+    BrokerSession, Rig, SessionAct, commands, drives, identity, message, name, publications,
+    settings,
 };
 use crate::north::mqtt::session::MqttSession;
-use crate::north::mqtt::types::{HomeAssistant, LeaseMode, MqttAct, Settings};
+use crate::north::mqtt::types::{HomeAssistant, LeaseMode, Settings};
 use std::collections::{BTreeMap, BTreeSet};
 
 const NODE: &str = "vfd-gateway-plant";
@@ -51,8 +52,7 @@ impl Home {
         self.rig = Self::new(settings.clone()).rig;
         self.rig.views.truncate(drives.len());
         self.rig.session = MqttSession::new(
-            identity(),
-            settings,
+            (identity(), settings),
             drives,
             vec![name("hall")],
             self.rig.at(),
@@ -61,7 +61,7 @@ impl Home {
     }
 
     /// Plays the broker for these acts and for what follows from them at once. Returns what was announced.
-    fn play(&mut self, acts: Vec<MqttAct>) -> Vec<Publication> {
+    fn play(&mut self, acts: Vec<SessionAct>) -> Vec<Publication> {
         let mut announced = Vec::new();
         let mut acts = acts;
         while !acts.is_empty() {
@@ -99,7 +99,7 @@ impl Home {
     fn connect(&mut self) -> Vec<Publication> {
         self.rig.handle(BrokerEvent::Connected(self.rig.broker));
         let acts = self.rig.acts();
-        let [MqttAct::Subscribe(filters)] = &acts[..] else {
+        let [SessionAct::Subscribe(filters)] = &acts[..] else {
             panic!("{acts:?}")
         };
         let own = |path: &str| path.starts_with("ha/");
@@ -245,7 +245,7 @@ fn a_birth_topic_beside_the_alive_topic_ends_no_lease() {
     assert!(
         home.rig
             .pass(20_000)
-            .contains(&MqttAct::ToLine(ToLine::PathAlive))
+            .contains(&SessionAct::ToLine(ToLine::PathAlive))
     );
     home.rig
         .handle(BrokerEvent::Message(message("home/status", b"offline")));
@@ -254,7 +254,7 @@ fn a_birth_topic_beside_the_alive_topic_ends_no_lease() {
         !home
             .rig
             .pass(20_000)
-            .contains(&MqttAct::ToLine(ToLine::PathAlive))
+            .contains(&SessionAct::ToLine(ToLine::PathAlive))
     );
 }
 
@@ -364,7 +364,7 @@ fn discovery_that_is_switched_off_takes_everything_back() {
         // The birth topic carries nothing that is wanted.
         home.rig.handle(BrokerEvent::Connected(home.rig.broker));
         let acts = home.rig.acts();
-        let [MqttAct::Subscribe(filters)] = &acts[..] else {
+        let [SessionAct::Subscribe(filters)] = &acts[..] else {
             panic!("{acts:?}")
         };
         home.rig
@@ -479,7 +479,7 @@ fn announcements_are_paced_and_everything_else_goes_first() {
     let mut home = Home::new(speaking(MqttVersion::V5));
     home.rig.handle(BrokerEvent::Connected(home.rig.broker));
     let acts = home.rig.acts();
-    let [MqttAct::Subscribe(filters)] = &acts[..] else {
+    let [SessionAct::Subscribe(filters)] = &acts[..] else {
         panic!("{acts:?}")
     };
     home.rig
@@ -533,7 +533,7 @@ fn announcements_are_paced_and_everything_else_goes_first() {
     let answered = home
         .rig
         .answer(ticket, Outcome::Confirmed, Reason::None, true);
-    let first = |acts: &[MqttAct]| publications(acts).first().map(|it| it.topic.clone());
+    let first = |acts: &[SessionAct]| publications(acts).first().map(|it| it.topic.clone());
     assert_eq!(
         first(&asked).as_deref(),
         Some("vfd/plant/drive/pump/frequency/output")

@@ -1,11 +1,11 @@
-//! The number of each connection, `bdSeq`: it increases by one with every CONNECT, from 255 to 0, also across restarts.
+//! The number of each Sparkplug connection, `bdSeq`: it increases by one with every CONNECT, from 255 to 0, also across restarts.
 //!
 //! A number is on the disk before the CONNECT that carries it leaves. Otherwise a gateway that loses power could
 //! connect twice with the same number, and a late NDEATH of the first connection would mark the second as dead.
 
+use super::Chore;
 use crate::daemon::host::user_files;
 use crate::daemon::host::whole_files::{self, FileReaders};
-use crate::daemon::mqtt::Chore;
 use std::io;
 use std::path::{Path, PathBuf};
 
