@@ -2,7 +2,7 @@
 //!
 //! A connection is never repaired: after an error everything about it is dropped and a new one is made, with a new
 //! will, after a growing wait. Only this task touches the connection, and it never waits for room in its queue: while
-//! that is full, the talk is not asked for more.
+//! that is full, the conversation is not asked for more.
 
 mod farewell;
 mod limits;
@@ -39,16 +39,16 @@ const LONG: Duration = Duration::from_secs(3600);
 /// How often due work is checked while the broker accepts no packets.
 const LOOK_WHILE_FULL: Duration = Duration::from_millis(10);
 /// After a stall nothing is sent for this long, and longer while there is something to read. If the broker has closed
-/// the connection meanwhile, writing would reset it and lose what is still in the socket.
+/// the connection by then, writing would reset it and lose what is still in the socket.
 const LISTEN_FIRST: Duration = Duration::from_millis(100);
 /// Longest time without sending after a stall, while there is always something to read.
 const LISTEN_MAX: Duration = Duration::from_secs(1);
 
-/// Talks to the broker until `stop`; then sends the farewell and returns. `bell` is to be rung when anything that the
-/// talk reads has changed. If dropped instead of stopped, the broker publishes the will.
+/// Runs the conversation with the broker until `stop`; then sends the farewell and returns. `bell` is to be rung when anything that the
+/// conversation reads has changed. If dropped instead of stopped, the broker publishes the will.
 pub async fn converse<T: BrokerConversation>(
     settings: ConnectionSettings,
-    talk: &RefCell<T>,
+    conversation: &RefCell<T>,
     bell: &Notify,
     counters: &ClientCounters,
     stop: impl Future<Output = ()>,
@@ -60,7 +60,7 @@ pub async fn converse<T: BrokerConversation>(
     let limit = PacketLimit::default();
     let mut client = BrokerClient {
         settings,
-        talk,
+        conversation,
         bell,
         counters,
         retry,
@@ -81,7 +81,7 @@ pub async fn converse<T: BrokerConversation>(
         };
         count(&counters.broken);
         if broken.is_unsent && life.is_none() {
-            talk.borrow_mut().unsent();
+            conversation.borrow_mut().unsent();
         }
         if life.is_none() {
             client.limit.not_reached();
@@ -95,7 +95,9 @@ pub async fn converse<T: BrokerConversation>(
             client_id,
             ..
         } = &client.settings;
-        talk.borrow_mut().lost(&format!("{host}:{port}: {reason}"));
+        conversation
+            .borrow_mut()
+            .lost(&format!("{host}:{port}: {reason}"));
         if counters.connected.get() > had || reason != last_reason {
             tracing::warn!(client_id, reason, "no connection to the broker; retrying");
         } else {
@@ -123,7 +125,7 @@ pub async fn converse<T: BrokerConversation>(
 
 struct BrokerClient<'a, T> {
     settings: ConnectionSettings,
-    talk: &'a RefCell<T>,
+    conversation: &'a RefCell<T>,
     bell: &'a Notify,
     counters: &'a ClientCounters,
     retry: RetryState,
@@ -149,12 +151,12 @@ enum ClientEnd {
 enum WaitOutcome<O> {
     Done(O),
     Stopped,
-    /// The talk gives up the connection.
+    /// The conversation gives up the connection.
     GivenUp(GivenUp),
     Overdue,
 }
 
-/// How the talk gives up a connection, and why.
+/// How the conversation gives up a connection, and why.
 #[derive(Clone, Copy)]
 enum GivenUp {
     Dropped(&'static str),
@@ -164,7 +166,7 @@ enum GivenUp {
 impl<T: BrokerConversation> BrokerClient<'_, T> {
     /// One connection, from the first byte to the last.
     async fn connection<S: Future<Output = ()>>(&mut self, mut stop: Pin<&mut S>) -> ClientEnd {
-        let chore = self.talk.borrow_mut().chore();
+        let chore = self.conversation.borrow_mut().chore();
         if let Some(chore) = chore {
             // A chore that panics is not done, and the panic is reported anyway.
             let done = pin!(tokio::task::spawn_blocking(chore));
@@ -176,7 +178,7 @@ impl<T: BrokerConversation> BrokerClient<'_, T> {
             Ok(tls) => tls,
             Err(end) => return end,
         };
-        let will = self.talk.borrow().will();
+        let will = self.conversation.borrow().will();
         let (sender, mut events) = link::open(&self.settings, will, tls);
         let mut sender = Some(sender);
         let mut patience = CONNECT_TIMEOUT + CONNECT_MARGIN;
@@ -222,7 +224,7 @@ impl<T: BrokerConversation> BrokerClient<'_, T> {
         }
     }
 
-    /// The TLS configuration, read while the talk gets its ticks; how the connection ended if it cannot be read.
+    /// The TLS configuration, read while the conversation gets its ticks; how the connection ended if it cannot be read.
     async fn read_tls<S: Future<Output = ()>>(
         &mut self,
         stop: Pin<&mut S>,
@@ -253,7 +255,7 @@ impl<T: BrokerConversation> BrokerClient<'_, T> {
         keep_alive * 3 / 2
     }
 
-    /// Waits for `future`, but with `patience` no longer than the broker may be silent; meanwhile the talk gets its
+    /// Waits for `future`, but with `patience` no longer than the broker may be silent; the conversation still gets its
     /// ticks.
     async fn attend<F: Future, S: Future<Output = ()>>(
         &mut self,
@@ -289,7 +291,7 @@ impl<T: BrokerConversation> BrokerClient<'_, T> {
             if patience.is_some_and(|patience| self.heard.elapsed() >= patience) {
                 return WaitOutcome::Overdue;
             }
-            self.talk.borrow_mut().tick(clock::moment());
+            self.conversation.borrow_mut().tick(clock::moment());
             if let Some(how) = self.send() {
                 return WaitOutcome::GivenUp(how);
             }
@@ -308,7 +310,7 @@ impl<T: BrokerConversation> BrokerClient<'_, T> {
                 "process was suspended; messages from the broker may be old"
             );
             self.listens_until = Some(self.heard + LISTEN_FIRST);
-            self.tell(BrokerEvent::Stalled(stood));
+            self.notify(BrokerEvent::Stalled(stood));
         }
     }
 
@@ -319,7 +321,7 @@ impl<T: BrokerConversation> BrokerClient<'_, T> {
     }
 
     fn next_wake(&self) -> Instant {
-        let wake = self.talk.borrow().next_wake();
+        let wake = self.conversation.borrow().next_wake();
         // Due packets cannot be sent before the broker has taken some, and stay due.
         let is_full = self.listens() || self.link.as_ref().is_some_and(|link| !link.has_room());
         let least = if is_full {
@@ -332,14 +334,17 @@ impl<T: BrokerConversation> BrokerClient<'_, T> {
         })
     }
 
-    /// Queues what the talk has for the broker, as far as there is room. Returns how it gives up the connection, if it
+    /// Queues what the conversation has for the broker, as far as there is room. Returns how it gives up the connection, if it
     /// does.
     fn send(&mut self) -> Option<GivenUp> {
         if self.listens() {
             return None;
         }
         while self.link.as_ref().is_none_or(AcceptedLink::has_room) {
-            let packet = self.talk.borrow_mut().next_packet(clock::moment())?;
+            let packet = self
+                .conversation
+                .borrow_mut()
+                .next_packet(clock::moment())?;
             let Some(link) = &mut self.link else {
                 tracing::debug!(?packet, "no connection to the broker; packet dropped");
                 continue;
@@ -356,7 +361,7 @@ impl<T: BrokerConversation> BrokerClient<'_, T> {
                         }
                         // It will never be acknowledged.
                         Ok(false) => token.into_iter().for_each(|it| {
-                            self.tell(BrokerEvent::Refused(it, PublicationRefusal::Never))
+                            self.notify(BrokerEvent::Refused(it, PublicationRefusal::Never))
                         }),
                         Ok(true) => {}
                     }
@@ -380,12 +385,12 @@ impl<T: BrokerConversation> BrokerClient<'_, T> {
                     ..
                 } = &self.settings;
                 tracing::info!(client_id, host, port, "connected to the broker");
-                self.tell(BrokerEvent::Connected(terms.broker));
+                self.notify(BrokerEvent::Connected(terms.broker));
             }
             ConnectionIncident::Subscribed(granted) => {
                 if let Some(granted) = self.link.as_mut().and_then(|link| link.subscribed(granted))
                 {
-                    self.tell(BrokerEvent::Subscribed(granted));
+                    self.notify(BrokerEvent::Subscribed(granted));
                 }
             }
             ConnectionIncident::Message(message) => self.receive(&message),
@@ -395,7 +400,7 @@ impl<T: BrokerConversation> BrokerClient<'_, T> {
                     .unwrap_or_default();
                 self.took(settled.taken_bytes);
                 if let Some(token) = settled.token {
-                    self.tell(BrokerEvent::Acknowledged(token));
+                    self.notify(BrokerEvent::Acknowledged(token));
                 }
             }
             ConnectionIncident::Refused(identifier, refusal, reason) => {
@@ -407,7 +412,7 @@ impl<T: BrokerConversation> BrokerClient<'_, T> {
                 let token = settled.token;
                 tracing::warn!(reason, ?token, "broker refused a publication");
                 if let Some(token) = token {
-                    self.tell(BrokerEvent::Refused(token, refusal));
+                    self.notify(BrokerEvent::Refused(token, refusal));
                 }
             }
             ConnectionIncident::PublicationLeft(identifier) => {
@@ -429,11 +434,13 @@ impl<T: BrokerConversation> BrokerClient<'_, T> {
 
     fn receive(&self, message: &ReceivedMessage) {
         count(&self.counters.received);
-        self.tell(BrokerEvent::Message(message.as_message()));
+        self.notify(BrokerEvent::Message(message.as_message()));
     }
 
-    fn tell(&self, event: BrokerEvent<'_>) {
-        self.talk.borrow_mut().handle(clock::moment(), event);
+    fn notify(&self, event: BrokerEvent<'_>) {
+        self.conversation
+            .borrow_mut()
+            .handle(clock::moment(), event);
     }
 
     /// Gives up the connection. What was received is handed over: acknowledgements are valid at any age, and so is a
@@ -446,7 +453,7 @@ impl<T: BrokerConversation> BrokerClient<'_, T> {
                 .iter()
                 .any(|it| matches!(it, ConnectionIncident::Message(_)))
         {
-            self.tell(BrokerEvent::Stalled(Duration::MAX));
+            self.notify(BrokerEvent::Stalled(Duration::MAX));
         }
         rest.into_iter()
             .filter(|it| !matches!(it, ConnectionIncident::Connected(_)))
@@ -454,12 +461,12 @@ impl<T: BrokerConversation> BrokerClient<'_, T> {
         let broken = self.judged(broken);
         self.listens_until = None;
         if life.is_some() {
-            self.tell(BrokerEvent::Lost);
+            self.notify(BrokerEvent::Lost);
         }
         ClientEnd::Broken(broken, life)
     }
 
-    /// Ends the connection as the talk requests.
+    /// Ends the connection as the conversation requests.
     async fn give_up(&mut self, events: &mut ConnectionEvents, how: GivenUp) -> ClientEnd {
         let reason = match how {
             GivenUp::Dropped(reason) => {
@@ -470,7 +477,7 @@ impl<T: BrokerConversation> BrokerClient<'_, T> {
         let life = self.life();
         self.farewell(events).await;
         if life.is_some() {
-            self.tell(BrokerEvent::Lost);
+            self.notify(BrokerEvent::Lost);
         }
         ClientEnd::Broken(BrokenConnection::because(reason), life)
     }

@@ -21,7 +21,7 @@ const UNSUSPECTED_LIFE: Duration = Duration::from_millis(2_400);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClientRival {
     /// The broker reported it.
-    Told,
+    Reported,
     /// The broker closes each connection shortly after accepting it.
     Suspected,
 }
@@ -71,7 +71,7 @@ impl RetryState {
         if ended == ConnectionEnding::Away {
             self.short_lives = 0;
         }
-        self.rival = if self.rival == Some(ClientRival::Told) {
+        self.rival = if self.rival == Some(ClientRival::Reported) {
             self.rival
         } else {
             rival.or(self.rival)
@@ -101,7 +101,7 @@ impl RetryState {
             0
         };
         match cause {
-            EndCause::TakenOver => Some(ClientRival::Told),
+            EndCause::TakenOver => Some(ClientRival::Reported),
             _ => (self.short_lives >= SHORT_LIVES).then_some(ClientRival::Suspected),
         }
     }
@@ -142,7 +142,7 @@ mod tests {
         let waits: Vec<_> = (0..6)
             .map(|_| {
                 let next = ends(&mut retry, EndCause::TakenOver, Some(20));
-                assert_eq!(next.rival, Some(ClientRival::Told));
+                assert_eq!(next.rival, Some(ClientRival::Reported));
                 next.wait
             })
             .collect();
@@ -196,7 +196,7 @@ mod tests {
             assert_eq!(
                 last.rival,
                 Some(ClientRival::Suspected),
-                "nothing tells it from one"
+                "nothing distinguishes it from one"
             );
             let until = SECOND * 5 - last.wait;
             assert!(
@@ -237,7 +237,7 @@ mod tests {
                 assert_eq!(ends(&mut retry, EndCause::Gone, Some(1)).rival, None);
             }
             let away = ends(&mut retry, EndCause::Gone, None);
-            assert_eq!(away.rival, None, "nobody was there");
+            assert_eq!(away.rival, None, "there was none");
             assert!(away.wait < SECOND * 2);
         }
         for _ in 0..10 {

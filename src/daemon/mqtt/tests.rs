@@ -17,7 +17,7 @@ use tokio::time::{Instant, sleep, timeout};
 
 const VERSIONS: [MqttVersion; 2] = [MqttVersion::V4, MqttVersion::V5];
 
-/// An event that a talk has received.
+/// An event that a conversation has received.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Outcome {
     Connected(BrokerLimits),
@@ -41,10 +41,10 @@ struct Text {
     correlation: Option<Vec<u8>>,
 }
 
-/// A talk that sends what the test puts into it.
+/// A conversation that sends what the test puts into it.
 #[derive(Default)]
 struct Script {
-    told: Vec<Outcome>,
+    events: Vec<Outcome>,
     packets: VecDeque<ClientPacket>,
     /// Sent at each connection.
     greeting: Vec<ClientPacket>,
@@ -71,7 +71,7 @@ impl BrokerConversation for Script {
     }
 
     fn handle(&mut self, _at: ClockMoment, event: BrokerEvent<'_>) {
-        self.told.push(match event {
+        self.events.push(match event {
             BrokerEvent::Connected(broker) => {
                 self.packets = self.greeting.clone().into();
                 Outcome::Connected(broker)
@@ -103,10 +103,10 @@ impl BrokerConversation for Script {
 
     fn next_packet(&mut self, _at: ClockMoment) -> Option<ClientPacket> {
         let connected = self
-            .told
+            .events
             .iter()
             .rev()
-            .find(|told| matches!(told, Outcome::Connected(_) | Outcome::Lost));
+            .find(|event| matches!(event, Outcome::Connected(_) | Outcome::Lost));
         let flood = self
             .flood
             .filter(|_| matches!(connected, Some(Outcome::Connected(_))));
@@ -116,7 +116,7 @@ impl BrokerConversation for Script {
     }
 
     fn contested(&mut self, rival: Option<ClientRival>) {
-        self.told.push(Outcome::Contested(rival));
+        self.events.push(Outcome::Contested(rival));
     }
 
     fn farewell(&mut self, _at: ClockMoment) -> Vec<Publication> {
@@ -131,7 +131,7 @@ impl BrokerConversation for Script {
 /// The client with the test's handles.
 #[derive(Default)]
 struct Rig {
-    talk: RefCell<Script>,
+    conversation: RefCell<Script>,
     bell: Notify,
     stop: Notify,
     counters: ClientCounters,
@@ -140,7 +140,7 @@ struct Rig {
 impl Rig {
     fn greeting(packets: Vec<ClientPacket>) -> Self {
         Self {
-            talk: RefCell::new(Script {
+            conversation: RefCell::new(Script {
                 greeting: packets,
                 ..Script::default()
             }),
@@ -165,30 +165,30 @@ impl Rig {
         broker: impl Future<Output = O>,
     ) -> O {
         tokio::select! {
-            () = converse(settings(address, version), &self.talk, &self.bell, &self.counters, self.stop.notified()) => panic!("ended"),
+            () = converse(settings(address, version), &self.conversation, &self.bell, &self.counters, self.stop.notified()) => panic!("ended"),
             output = broker => output,
         }
     }
 
-    fn told(&self) -> Vec<Outcome> {
-        self.talk.borrow().told.clone()
+    fn events(&self) -> Vec<Outcome> {
+        self.conversation.borrow().events.clone()
     }
 
-    /// Waits until the talk has received `count` events.
-    async fn told_at_least(&self, count: usize) -> Vec<Outcome> {
+    /// Waits until the conversation has received `count` events.
+    async fn events_at_least(&self, count: usize) -> Vec<Outcome> {
         let enough = async {
-            while self.talk.borrow().told.len() < count {
+            while self.conversation.borrow().events.len() < count {
                 sleep(Duration::from_millis(1)).await;
             }
         };
         timeout(Duration::from_secs(5), enough)
             .await
-            .unwrap_or_else(|_| panic!("only {:?}", self.told()));
-        self.told()
+            .unwrap_or_else(|_| panic!("only {:?}", self.events()));
+        self.events()
     }
 
     fn say(&self, packet: ClientPacket) {
-        self.talk.borrow_mut().packets.push_back(packet);
+        self.conversation.borrow_mut().packets.push_back(packet);
         self.bell.notify_one();
     }
 }
@@ -228,10 +228,11 @@ fn with_token(token: u64) -> ClientPacket {
     })
 }
 
-fn acknowledged(told: &[Outcome]) -> Vec<u64> {
-    told.iter()
-        .filter_map(|told| {
-            if let Outcome::Acknowledged(token) = told {
+fn acknowledged(events: &[Outcome]) -> Vec<u64> {
+    events
+        .iter()
+        .filter_map(|event| {
+            if let Outcome::Acknowledged(token) = event {
                 Some(*token)
             } else {
                 None
@@ -263,7 +264,7 @@ async fn a_broker_that_never_answers_connect_is_given_up_in_time() {
             "{version:?}: {waited:?}"
         );
         assert!(
-            rig.told().is_empty(),
+            rig.events().is_empty(),
             "{version:?}: who was never connected has lost nothing"
         );
     }
@@ -281,15 +282,15 @@ async fn an_attempt_that_ends_before_connect_is_reported_as_unsent() {
         ..settings("127.0.0.1:1".parse().unwrap(), MqttVersion::V5)
     };
     let twice = async {
-        while rig.talk.borrow().unsent < 2 {
+        while rig.conversation.borrow().unsent < 2 {
             sleep(Duration::from_millis(1)).await;
         }
     };
     tokio::select! {
-        () = converse(settings, &rig.talk, &rig.bell, &rig.counters, rig.stop.notified()) => panic!("ended"),
-        told = timeout(Duration::from_secs(5), twice) => told.unwrap(),
+        () = converse(settings, &rig.conversation, &rig.bell, &rig.counters, rig.stop.notified()) => panic!("ended"),
+        events = timeout(Duration::from_secs(5), twice) => events.unwrap(),
     }
-    assert!(rig.told().is_empty());
+    assert!(rig.events().is_empty());
 }
 
 #[tokio::test(start_paused = true)]
@@ -297,7 +298,7 @@ async fn a_broker_that_stops_reading_is_given_up_in_time() {
     for version in VERSIONS {
         let stub = Stub::new(version).await;
         let rig = Rig::default();
-        rig.talk.borrow_mut().flood = Some(100_000);
+        rig.conversation.borrow_mut().flood = Some(100_000);
         let waited = rig.run(&stub, version, async {
             let _first = stub.welcome().await;
             let begun = Instant::now();
@@ -310,7 +311,7 @@ async fn a_broker_that_stops_reading_is_given_up_in_time() {
             "{version:?}: {waited:?}"
         );
         assert_eq!(
-            rig.told(),
+            rig.events(),
             [Outcome::Connected(ANY), Outcome::Lost],
             "{version:?}"
         );
@@ -380,12 +381,12 @@ async fn a_large_message_below_the_limit_arrives() {
     for version in VERSIONS {
         let stub = Stub::new(version).await;
         let rig = Rig::default();
-        let told = rig.run(&stub, version, async {
+        let events = rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             peer.publish("large", &vec![7; 200_000], &[]).await;
-            rig.told_at_least(2).await
+            rig.events_at_least(2).await
         });
-        let Some(Outcome::Message(message)) = told.await.pop() else {
+        let Some(Outcome::Message(message)) = events.await.pop() else {
             panic!("no message")
         };
         assert_eq!(message.payload.len(), 200_000);
@@ -415,27 +416,31 @@ async fn a_message_against_the_protocol_ends_the_connection_and_is_not_handed_ov
             peer.publish("run", b"forward", &properties).await;
             peer.publish("run", b"forward", &[]).await;
             while peer.read().await.is_some() {}
-            rig.told_at_least(2).await
+            rig.events_at_least(2).await
         })
         .await;
-        let told = rig.told();
+        let events = rig.events();
         // How long messages right after it have waited is unknown, if they are handed over at all.
-        let believed = told.iter().take_while(|it| **it != Outcome::Stalled);
+        let believed = events.iter().take_while(|it| **it != Outcome::Stalled);
         assert_eq!(
             believed
                 .filter(|it| matches!(it, Outcome::Message(_)))
                 .count(),
             0,
-            "{properties:?}: {told:?}"
+            "{properties:?}: {events:?}"
         );
         assert!(
-            told.iter()
+            events
+                .iter()
                 .filter(|it| matches!(it, Outcome::Message(_)))
                 .count()
                 <= 1,
-            "{properties:?}: {told:?}"
+            "{properties:?}: {events:?}"
         );
-        assert!(told.contains(&Outcome::Lost), "{properties:?}: {told:?}");
+        assert!(
+            events.contains(&Outcome::Lost),
+            "{properties:?}: {events:?}"
+        );
     }
 }
 
@@ -459,12 +464,12 @@ async fn a_message_with_every_property_once_is_handed_over() {
     ] {
         let stub = Stub::new(MqttVersion::V5).await;
         let rig = Rig::default();
-        let told = rig.run(&stub, MqttVersion::V5, async {
+        let events = rig.run(&stub, MqttVersion::V5, async {
             let mut peer = stub.welcome().await;
             peer.publish("run", payload, &properties).await;
-            rig.told_at_least(2).await
+            rig.events_at_least(2).await
         });
-        let Some(Outcome::Message(message)) = told.await.pop() else {
+        let Some(Outcome::Message(message)) = events.await.pop() else {
             panic!("no message for {properties:?}")
         };
         assert_eq!(message.payload, payload);
@@ -476,7 +481,7 @@ async fn acknowledgements_out_of_order_find_their_tokens() {
     for version in VERSIONS {
         let stub = Stub::new(version).await;
         let rig = Rig::greeting((11..=14).map(with_token).collect());
-        let told = rig.run(&stub, version, async {
+        let events = rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             let mut identifiers = Vec::new();
             for _ in 0..4 {
@@ -485,9 +490,9 @@ async fn acknowledgements_out_of_order_find_their_tokens() {
             for at in [3, 0, 2] {
                 peer.acknowledge(identifiers[at]).await;
             }
-            rig.told_at_least(4).await
+            rig.events_at_least(4).await
         });
-        assert_eq!(acknowledged(&told.await), [14, 11, 13], "{version:?}");
+        assert_eq!(acknowledged(&events.await), [14, 11, 13], "{version:?}");
     }
 }
 
@@ -496,7 +501,7 @@ async fn identifiers_that_come_round_while_one_is_still_open_keep_their_tokens()
     for version in VERSIONS {
         let stub = Stub::new(version).await;
         let rig = Rig::greeting((0..200).map(with_token).collect());
-        let told = rig.run(&stub, version, async {
+        let events = rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             let first = peer.published().await;
             // The first stays open until its identifier is needed again; then nothing continues without it.
@@ -509,9 +514,9 @@ async fn identifiers_that_come_round_while_one_is_still_open_keep_their_tokens()
                 let next = peer.published().await;
                 peer.acknowledge(next.identifier).await;
             }
-            rig.told_at_least(201).await
+            rig.events_at_least(201).await
         });
-        let tokens = acknowledged(&told.await);
+        let tokens = acknowledged(&events.await);
         let expected: Vec<u64> = (1..64).chain([0]).chain(64..200).collect();
         assert_eq!(tokens, expected, "{version:?}");
     }
@@ -523,16 +528,19 @@ async fn a_refused_filter_is_reported_in_its_place() {
         let filters = filters(&["a/+/set", "b/#"]);
         let stub = Stub::new(version).await;
         let rig = Rig::greeting(vec![ClientPacket::Subscribe(filters)]);
-        let (options, told) = rig
+        let (options, events) = rig
             .run(&stub, version, async {
                 let mut peer = stub.welcome().await;
                 let subscribe = peer.expect(SUBSCRIBE).await;
                 peer.answer_subscribe(&subscribe, &[1, 0x80]).await;
-                (*subscribe.body.last().unwrap(), rig.told_at_least(2).await)
+                (
+                    *subscribe.body.last().unwrap(),
+                    rig.events_at_least(2).await,
+                )
             })
             .await;
         assert_eq!(
-            told[1],
+            events[1],
             Outcome::Subscribed(vec![true, false]),
             "{version:?}"
         );
@@ -546,12 +554,12 @@ async fn what_was_not_acknowledged_before_the_cut_is_not_reported_and_not_confus
     for version in VERSIONS {
         let stub = Stub::new(version).await;
         let rig = Rig::greeting(vec![with_token(7)]);
-        let told = rig.run(&stub, version, async {
+        let events = rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             let cut = peer.published().await;
             drop(peer);
-            rig.told_at_least(2).await;
-            rig.talk.borrow_mut().greeting = vec![with_token(8)];
+            rig.events_at_least(2).await;
+            rig.conversation.borrow_mut().greeting = vec![with_token(8)];
             let mut peer = stub.welcome().await;
             let next = peer.published().await;
             assert_eq!(
@@ -563,7 +571,7 @@ async fn what_was_not_acknowledged_before_the_cut_is_not_reported_and_not_confus
                 "the same identifier, for this test to mean something"
             );
             peer.acknowledge(next.identifier).await;
-            rig.told_at_least(4).await
+            rig.events_at_least(4).await
         });
         let expected = [
             Outcome::Connected(ANY),
@@ -571,7 +579,7 @@ async fn what_was_not_acknowledged_before_the_cut_is_not_reported_and_not_confus
             Outcome::Connected(ANY),
             Outcome::Acknowledged(8),
         ];
-        assert_eq!(told.await, expected, "{version:?}");
+        assert_eq!(events.await, expected, "{version:?}");
     }
 }
 
@@ -603,18 +611,18 @@ async fn a_stop_sent_just_before_the_broker_dies_is_handed_over() {
     for version in VERSIONS {
         let stub = Stub::new(version).await;
         let rig = Rig::default();
-        let told = rig.run(&stub, version, async {
+        let events = rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             peer.publish("stop", b"", &[]).await;
             drop(peer);
-            rig.told_at_least(3).await
+            rig.events_at_least(3).await
         });
         let message = Outcome::Message(Text {
             topic: "stop".to_owned(),
             ..Text::default()
         });
         assert_eq!(
-            told.await,
+            events.await,
             [Outcome::Connected(ANY), message, Outcome::Lost],
             "{version:?}"
         );
@@ -634,20 +642,20 @@ async fn what_came_during_a_stall_is_handed_over_as_what_may_have_waited() {
         };
         rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
-            rig.told_at_least(1).await;
+            rig.events_at_least(1).await;
             peer.publish("stop", b"", &[]).await;
             // Suspends everything on this thread.
             std::thread::sleep(Duration::from_millis(1_100));
             assert_eq!(
-                rig.told_at_least(3).await,
+                rig.events_at_least(3).await,
                 [Outcome::Connected(ANY), Outcome::Stalled, message("stop")],
                 "{version:?}"
             );
             peer.publish("stop", b"", &[]).await;
             assert_eq!(
-                rig.told_at_least(4).await[3],
+                rig.events_at_least(4).await[3],
                 message("stop"),
-                "{version:?}: told once"
+                "{version:?}: reported once"
             );
         })
         .await;
@@ -659,11 +667,11 @@ async fn a_stop_that_comes_beside_the_last_words_is_handed_over() {
     for version in VERSIONS {
         let stub = Stub::new(version).await;
         let rig = Rig::default();
-        rig.talk.borrow_mut().farewell = vec![text("status", "offline")];
-        let talk = async {
+        rig.conversation.borrow_mut().farewell = vec![text("status", "offline")];
+        let conversation = async {
             converse(
                 settings(stub.address(), version),
-                &rig.talk,
+                &rig.conversation,
                 &rig.bell,
                 &rig.counters,
                 rig.stop.notified(),
@@ -672,7 +680,7 @@ async fn a_stop_that_comes_beside_the_last_words_is_handed_over() {
         };
         let broker = async {
             let mut peer = stub.welcome().await;
-            rig.told_at_least(1).await;
+            rig.events_at_least(1).await;
             rig.stop.notify_one();
             peer.published().await;
             peer.publish("stop", b"", &[]).await;
@@ -682,13 +690,13 @@ async fn a_stop_that_comes_beside_the_last_words_is_handed_over() {
                 .is_some_and(|frame| frame.kind != DISCONNECT)
             {}
         };
-        tokio::join!(talk, broker);
+        tokio::join!(conversation, broker);
         let message = Outcome::Message(Text {
             topic: "stop".to_owned(),
             ..Text::default()
         });
         assert_eq!(
-            rig.told(),
+            rig.events(),
             [Outcome::Connected(ANY), message],
             "{version:?}"
         );
@@ -702,16 +710,16 @@ async fn the_bell_and_the_wish_to_reconnect_are_heard() {
         let rig = Rig::default();
         rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
-            rig.told_at_least(1).await;
+            rig.events_at_least(1).await;
             rig.say(ClientPacket::Publish(text("news", "1")));
             assert_eq!(peer.published().await.payload, b"1");
             rig.say(ClientPacket::Reconnect("a test"));
             while peer.read().await.is_some() {}
             stub.welcome().await;
-            assert_eq!(rig.told_at_least(3).await[1], Outcome::Lost);
+            assert_eq!(rig.events_at_least(3).await[1], Outcome::Lost);
         })
         .await;
-        assert!(rig.talk.borrow().ticks >= 2);
+        assert!(rig.conversation.borrow().ticks >= 2);
     }
 }
 
@@ -725,14 +733,14 @@ async fn who_leaves_the_will_to_the_broker_sends_no_disconnect_with_mqtt_5() {
             qos: Qos::AtLeastOnce,
             ..text("state", "offline")
         };
-        rig.talk.replace(Script {
+        rig.conversation.replace(Script {
             leaves_will: true,
             farewell: vec![last],
             ..Script::default()
         });
         let broker = async {
             let mut peer = stub.welcome().await;
-            rig.told_at_least(1).await;
+            rig.events_at_least(1).await;
             rig.stop.notify_one();
             let last = peer.published().await;
             peer.acknowledge(last.identifier).await;
@@ -740,7 +748,7 @@ async fn who_leaves_the_will_to_the_broker_sends_no_disconnect_with_mqtt_5() {
         };
         let client = converse(
             settings(stub.address(), version),
-            &rig.talk,
+            &rig.conversation,
             &rig.bell,
             &rig.counters,
             rig.stop.notified(),
@@ -769,10 +777,10 @@ async fn the_last_words_come_before_disconnect_and_are_waited_for() {
             qos: Qos::AtLeastOnce,
             ..text("state", "offline")
         };
-        rig.talk.borrow_mut().farewell = vec![text("bye", "1"), last];
+        rig.conversation.borrow_mut().farewell = vec![text("bye", "1"), last];
         let broker = async {
             let mut peer = stub.welcome().await;
-            rig.told_at_least(1).await;
+            rig.events_at_least(1).await;
             rig.stop.notify_one();
             let mut said = Vec::new();
             for _ in 0..2 {
@@ -785,7 +793,7 @@ async fn the_last_words_come_before_disconnect_and_are_waited_for() {
         };
         let client = converse(
             settings(stub.address(), version),
-            &rig.talk,
+            &rig.conversation,
             &rig.bell,
             &rig.counters,
             rig.stop.notified(),
@@ -836,7 +844,7 @@ async fn what_the_broker_would_not_take_is_dropped_and_the_rest_goes_out() {
     .await;
     assert_eq!(rig.counters.dropped.get(), 2);
     assert_eq!(
-        rig.told(),
+        rig.events(),
         [Outcome::Connected(BrokerLimits {
             maximum_packet_bytes: Some(100),
             retains: false
@@ -854,7 +862,7 @@ async fn the_properties_of_mqtt_5_go_both_ways() {
         ..text("answer", "")
     };
     let rig = Rig::greeting(vec![ClientPacket::Publish(response)]);
-    let (body, told) = rig
+    let (body, events) = rig
         .run(&stub, version, async {
             let mut peer = stub.welcome().await;
             // Expiry 9 s, response topic "r", correlation 1 2.
@@ -864,7 +872,10 @@ async fn the_properties_of_mqtt_5_go_both_ways() {
                 &[0x02, 0, 0, 0, 9, 0x08, 0, 1, b'r', 0x09, 0, 2, 1, 2],
             )
             .await;
-            (peer.expect(PUBLISH).await.body, rig.told_at_least(2).await)
+            (
+                peer.expect(PUBLISH).await.body,
+                rig.events_at_least(2).await,
+            )
         })
         .await;
     assert_eq!(&body[8..], [10, 0x02, 0, 0, 0, 2, 0x09, 0, 2, 0xAB, 0xCD]);
@@ -877,7 +888,7 @@ async fn the_properties_of_mqtt_5_go_both_ways() {
         response_topic: Some("r".to_owned()),
         correlation: Some(vec![1, 2]),
     };
-    assert_eq!(told[1], Outcome::Message(message));
+    assert_eq!(events[1], Outcome::Message(message));
 }
 
 #[tokio::test(start_paused = true)]
@@ -909,18 +920,18 @@ async fn a_full_queue_loses_nothing_and_blocks_nothing() {
         let rig = Rig::greeting((0..500).map(with_token).collect());
         rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
-            rig.told_at_least(1).await;
-            // Nothing is acknowledged: 64 go out, 64 wait, and the rest stays with the talk.
+            rig.events_at_least(1).await;
+            // Nothing is acknowledged: 64 go out, 64 wait, and the rest stays with the conversation.
             peer.publish("stop", b"", &[]).await;
-            rig.told_at_least(2).await;
-            let left = rig.talk.borrow().packets.len();
+            rig.events_at_least(2).await;
+            let left = rig.conversation.borrow().packets.len();
             assert!(
                 left >= 500 - 2 * usize::from(incident::INFLIGHT_MAX),
                 "{version:?}: {left} left"
             );
             acknowledge_all(&mut peer, 500).await;
             assert_eq!(
-                acknowledged(&rig.told_at_least(502).await),
+                acknowledged(&rig.events_at_least(502).await),
                 (0..500).collect::<Vec<_>>(),
                 "{version:?}"
             );
@@ -936,13 +947,13 @@ async fn what_is_due_while_the_queue_is_full_does_not_make_the_client_spin() {
         let rig = Rig::greeting((0..500).map(with_token).collect());
         rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
-            rig.told_at_least(1).await;
-            rig.talk.borrow_mut().is_due = true;
+            rig.events_at_least(1).await;
+            rig.conversation.borrow_mut().is_due = true;
             // Received by an idle client.
             peer.publish("stop", b"", &[]).await;
-            rig.told_at_least(2).await;
+            rig.events_at_least(2).await;
             sleep(Duration::from_millis(300)).await;
-            let ticks = rig.talk.borrow().ticks;
+            let ticks = rig.conversation.borrow().ticks;
             assert!((2..200).contains(&ticks), "{version:?}: {ticks} ticks");
         })
         .await;
@@ -957,10 +968,11 @@ async fn acknowledge_all(peer: &mut Peer, count: u64) {
     }
 }
 
-fn rivals(told: &[Outcome]) -> Vec<Option<ClientRival>> {
-    told.iter()
-        .filter_map(|told| {
-            if let Outcome::Contested(rival) = told {
+fn rivals(events: &[Outcome]) -> Vec<Option<ClientRival>> {
+    events
+        .iter()
+        .filter_map(|event| {
+            if let Outcome::Contested(rival) = event {
                 Some(*rival)
             } else {
                 None
@@ -994,9 +1006,10 @@ async fn a_broker_that_names_a_rival_is_not_fought_over() {
     assert!(ended.is_err());
     // Waits of 1, 2, 4, 8 and 16 s, then of 30 s, and 2 s each: some dozen instead of hundreds.
     assert!((8..=20).contains(&connections), "{connections} in 5 min");
-    let rivals = rivals(&rig.told());
+    let rivals = rivals(&rig.events());
     assert!(
-        rivals.len() >= connections - 1 && rivals.iter().all(|it| *it == Some(ClientRival::Told)),
+        rivals.len() >= connections - 1
+            && rivals.iter().all(|it| *it == Some(ClientRival::Reported)),
         "{rivals:?}"
     );
 }
@@ -1026,7 +1039,7 @@ async fn a_broker_that_only_closes_short_connections_makes_a_rival_suspected_unt
             (20..=36).contains(&connections),
             "{version:?}: {connections} in 5 min"
         );
-        let suspected = rivals(&rig.told());
+        let suspected = rivals(&rig.events());
         assert!(suspected.len() + 5 >= connections, "{suspected:?}");
         assert!(
             suspected
@@ -1034,7 +1047,7 @@ async fn a_broker_that_only_closes_short_connections_makes_a_rival_suspected_unt
                 .all(|it| *it == Some(ClientRival::Suspected)),
             "{suspected:?}"
         );
-        rig.talk.borrow_mut().told.clear();
+        rig.conversation.borrow_mut().events.clear();
         let mut connections = 0_usize;
         let living = async {
             loop {
@@ -1053,7 +1066,7 @@ async fn a_broker_that_only_closes_short_connections_makes_a_rival_suspected_unt
             .await;
         assert!(ended.is_err());
         assert_eq!(
-            rivals(&rig.told()),
+            rivals(&rig.events()),
             [Some(ClientRival::Suspected), None],
             "{version:?}"
         );
@@ -1082,7 +1095,7 @@ async fn a_broker_that_goes_and_comes_is_no_rival_and_is_found_again_within_a_se
             }
         })
         .await;
-        assert_eq!(rivals(&rig.told()), [], "{version:?}");
+        assert_eq!(rivals(&rig.events()), [], "{version:?}");
     }
 }
 
@@ -1091,18 +1104,18 @@ async fn a_repeat_is_marked_as_the_broker_marked_it_and_acknowledged_all_the_sam
     for version in VERSIONS {
         let stub = Stub::new(version).await;
         let rig = Rig::default();
-        let told = rig.run(&stub, version, async {
+        let events = rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             peer.publish_again("again", 77).await;
             assert_eq!(peer.expect(PUBACK).await.body[..2], [0, 77]);
-            rig.told_at_least(2).await
+            rig.events_at_least(2).await
         });
         let message = Text {
             topic: "again".to_owned(),
             duplicate: true,
             ..Text::default()
         };
-        assert_eq!(told.await[1], Outcome::Message(message), "{version:?}");
+        assert_eq!(events.await[1], Outcome::Message(message), "{version:?}");
     }
 }
 
@@ -1156,14 +1169,14 @@ async fn an_answer_to_a_subscription_that_has_too_few_or_too_many_codes_is_repor
             let filters = filters(&["a/+/set", "b/#"]);
             let stub = Stub::new(version).await;
             let rig = Rig::greeting(vec![ClientPacket::Subscribe(filters)]);
-            let told = rig.run(&stub, version, async {
+            let events = rig.run(&stub, version, async {
                 let mut peer = stub.welcome().await;
                 let subscribe = peer.expect(SUBSCRIBE).await;
                 peer.answer_subscribe(&subscribe, codes).await;
-                rig.told_at_least(2).await
+                rig.events_at_least(2).await
             });
             assert_eq!(
-                told.await[1],
+                events.await[1],
                 Outcome::Subscribed(vec![true; codes.len()]),
                 "{version:?}"
             );
@@ -1183,14 +1196,14 @@ async fn it_talks_with_the_broker_for_trying_out() {
             ClientPacket::Subscribe(filters(&["record"])),
             with_token(5),
         ]);
-        let told = rig.run_at(address, version, rig.told_at_least(4)).await;
+        let events = rig.run_at(address, version, rig.events_at_least(4)).await;
         assert!(
-            told.contains(&Outcome::Subscribed(vec![true])),
-            "{version:?}: {told:?}"
+            events.contains(&Outcome::Subscribed(vec![true])),
+            "{version:?}: {events:?}"
         );
         assert!(
-            told.contains(&Outcome::Acknowledged(5)),
-            "{version:?}: {told:?}"
+            events.contains(&Outcome::Acknowledged(5)),
+            "{version:?}: {events:?}"
         );
         let message = Text {
             topic: "record".to_owned(),
@@ -1198,8 +1211,8 @@ async fn it_talks_with_the_broker_for_trying_out() {
             ..Text::default()
         };
         assert!(
-            told.contains(&Outcome::Message(message)),
-            "{version:?}: {told:?}"
+            events.contains(&Outcome::Message(message)),
+            "{version:?}: {events:?}"
         );
     }
 }
@@ -1221,25 +1234,25 @@ async fn what_is_retained_in_the_broker_for_trying_out_stays_and_the_will_comes(
     let writer = Rig::greeting(vec![ClientPacket::Publish(kept)]);
     // Dropped without a farewell, so that its will is published.
     writer
-        .run_at(address, MqttVersion::V5, writer.told_at_least(2))
+        .run_at(address, MqttVersion::V5, writer.events_at_least(2))
         .await;
     let again = Rig::default();
-    let mut told = watcher
+    let mut events = watcher
         .run_at(address, MqttVersion::V4, async {
-            watcher.told_at_least(3).await;
+            watcher.events_at_least(3).await;
             again
-                .run_at(address, MqttVersion::V5, again.told_at_least(1))
+                .run_at(address, MqttVersion::V5, again.events_at_least(1))
                 .await;
-            watcher.told_at_least(4).await
+            watcher.events_at_least(4).await
         })
         .await;
-    told.retain(|told| matches!(told, Outcome::Message(_)));
+    events.retain(|event| matches!(event, Outcome::Message(_)));
     let kept = Text {
         topic: "kept".to_owned(),
         payload: b"value".to_vec(),
         retain: true,
         ..Text::default()
     };
-    assert_eq!(told[0], Outcome::Message(kept));
-    assert!(matches!(&told[1], Outcome::Message(message) if message.topic == "will"));
+    assert_eq!(events[0], Outcome::Message(kept));
+    assert!(matches!(&events[1], Outcome::Message(message) if message.topic == "will"));
 }

@@ -375,9 +375,9 @@ fn offence(publish: &Publish) -> Option<&'static str> {
         .as_ptr()
         .addr()
         .checked_sub(publish.topic.as_ptr().addr())?;
-    let came = between.checked_sub(publish.topic.len() + identifier)?;
-    let told = publish.properties.as_ref().map_or(0, property_bytes);
-    (came != incident::length_bytes(told) + told)
+    let actual_bytes = between.checked_sub(publish.topic.len() + identifier)?;
+    let known_bytes = publish.properties.as_ref().map_or(0, property_bytes);
+    (actual_bytes != incident::length_bytes(known_bytes) + known_bytes)
         .then_some("a message with a duplicate or malformed property")
 }
 

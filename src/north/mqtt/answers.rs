@@ -23,7 +23,7 @@ impl MqttSession {
         } else if let Some(pending) = self.link.commands.get(answer.ticket).cloned()
             && !self.is_left_to_another(&pending, answer.report)
         {
-            self.tell_stage(at, &pending, answer.report, false);
+            self.publish_stage(at, &pending, answer.report, false);
         }
     }
 
@@ -61,21 +61,21 @@ impl MqttSession {
     }
 
     /// Publishes the final result of a command or read.
-    pub(super) fn tell_end(
+    pub(super) fn publish_end(
         &mut self,
         at: ClockMoment,
         pending: &PendingRequest<AnswerContext>,
         report: Report,
     ) {
-        // Renewals arrive all the time; only their refusal is news.
+        // Renewals arrive all the time; only their refusal is published.
         let is_done = matches!(report.outcome, Outcome::Acknowledged | Outcome::Confirmed);
         let is_renewal = pending.request == DriveRequest::Order(Order::Renew);
         if !(is_renewal && is_done && pending.context.reply.is_none()) {
-            self.tell_stage(at, pending, report, true);
+            self.publish_stage(at, pending, report, true);
         }
     }
 
-    fn tell_stage(
+    fn publish_stage(
         &mut self,
         at: ClockMoment,
         pending: &PendingRequest<AnswerContext>,
@@ -112,7 +112,7 @@ impl MqttSession {
             message,
             values,
         };
-        self.tell(at, pending.drive, asker, stage);
+        self.publish(at, pending.drive, asker, stage);
     }
 
     fn end_read(
@@ -142,7 +142,7 @@ impl MqttSession {
             message: None,
             values,
         };
-        self.tell(
+        self.publish(
             at,
             pending.drive,
             (
@@ -155,7 +155,7 @@ impl MqttSession {
     }
 
     /// Publishes the first outcome of a repeated command.
-    pub(super) fn tell_again(
+    pub(super) fn publish_again(
         &mut self,
         at: ClockMoment,
         drive: usize,
@@ -171,7 +171,7 @@ impl MqttSession {
             message: None,
             values,
         };
-        self.tell(
+        self.publish(
             at,
             drive,
             (asker.by, &asker.id, asker.reply.as_ref()),
@@ -179,7 +179,7 @@ impl MqttSession {
         );
     }
 
-    fn tell(
+    fn publish(
         &mut self,
         at: ClockMoment,
         drive: usize,
@@ -197,7 +197,7 @@ impl MqttSession {
         let at = self.link.clock.text(at.mono);
         let topic = self.topics.drive(drive, "result");
         let message = message.as_deref();
-        let told = ResultContent {
+        let content = ResultContent {
             id,
             drive,
             by,
@@ -208,11 +208,11 @@ impl MqttSession {
             values,
             at,
         };
-        self.counters.results_dropped += self.results.tell(topic, reply, told);
+        self.counters.results_dropped += self.results.add(topic, reply, content);
     }
 
     /// Publishes why an input is refused that no line ever saw.
-    pub(super) fn tell_refusal(
+    pub(super) fn publish_refusal(
         &mut self,
         at: ClockMoment,
         drive: &str,
@@ -228,7 +228,7 @@ impl MqttSession {
         let by = *by;
         let is_final = true;
         let is_repeat = false;
-        let told = ResultContent {
+        let content = ResultContent {
             id,
             drive,
             by,
@@ -239,7 +239,7 @@ impl MqttSession {
             values,
             at,
         };
-        self.counters.results_dropped += self.results.tell(topic, reply.as_ref(), told);
+        self.counters.results_dropped += self.results.add(topic, reply.as_ref(), content);
     }
 }
 

@@ -30,7 +30,7 @@ fn take_labels(value: &mut Value) {
 
 /// What is done, without labels. A trip that is shown with its moment is shown again when that moment changes.
 fn done(acts: Vec<SessionAct>) -> Vec<String> {
-    let told = |act: SessionAct| match act {
+    let outcome = |act: SessionAct| match act {
         SessionAct::Publish(it) if it.topic.ends_with("/trip/last") => None,
         SessionAct::Publish(it) => Some(format!(
             "{:?} {:?}",
@@ -39,7 +39,7 @@ fn done(acts: Vec<SessionAct>) -> Vec<String> {
         )),
         other => Some(format!("{other:?}")),
     };
-    acts.into_iter().filter_map(told).collect()
+    acts.into_iter().filter_map(outcome).collect()
 }
 
 /// Ten minutes of a plant with all features, with the wall clock set as `steps` say, one after each part.

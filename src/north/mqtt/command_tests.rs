@@ -138,12 +138,12 @@ fn what_comes_under_a_name_is_answered_with_it_and_no_other_word_is_a_name() {
         ..ControlView::default()
     });
     let acts = rig.report(commands(&acts)[0].ticket, Report::held_by(plc_1), true);
-    let told = &results(&acts)[0];
+    let outcome = &results(&acts)[0];
     assert_eq!(
-        (&told["by"], &told["owner"]),
+        (&outcome["by"], &outcome["owner"]),
         (&json!("plc-2"), &json!("mqtt plc-1"))
     );
-    assert_eq!(told["message"], "mqtt plc-1 holds control of the drive");
+    assert_eq!(outcome["message"], "mqtt plc-1 holds control of the drive");
     assert_eq!(
         on(&acts, "drive/pump/control/owner").as_deref(),
         Some("mqtt plc-1")
@@ -380,9 +380,9 @@ fn a_retained_stop_is_live_with_version_5_and_a_replay_before() {
         assert_eq!(commands(&acts).len(), 1, "{topic}");
         assert_eq!(rig.session.counters().retained_stops, 1);
         let ticket = commands(&acts)[0].ticket;
-        let told = results(&rig.answer(ticket, Outcome::Confirmed, Reason::None, true));
+        let outcomes = results(&rig.answer(ticket, Outcome::Confirmed, Reason::None, true));
         assert!(
-            told[0]["message"]
+            outcomes[0]["message"]
                 .as_str()
                 .expect("a warning")
                 .contains("retain")
@@ -697,16 +697,16 @@ fn a_command_ahead_of_our_clock_is_the_same_moment_when_it_comes_again() {
         let acts = rig.send("drive/pump/command", run.as_bytes());
         if !is_taken {
             assert_eq!(result(&acts), refused("clock_ahead"), "{ahead_ms}");
-            let told = results(&acts)[0]["message"]
+            let outcome = results(&acts)[0]["message"]
                 .as_str()
                 .unwrap_or_default()
                 .to_owned();
             assert!(
-                told.contains(&format!(
+                outcome.contains(&format!(
                     "{:.1} s ahead",
                     f64::from(i32::try_from(ahead_ms).unwrap()) / 1000.0
                 )),
-                "{told}"
+                "{outcome}"
             );
         } else {
             assert_eq!(commands(&acts)[0].issued, Some(come), "{ahead_ms}");
@@ -772,12 +772,12 @@ fn what_may_have_waited_through_a_stall_is_stale_but_a_stop_is_carried_out() {
             [&STOP],
             "{version:?}: it takes back what was still taken"
         );
-        let told: Vec<_> = results(&acts)
+        let outcomes: Vec<_> = results(&acts)
             .iter()
             .map(|it| it["reason"].as_str().unwrap_or_default().to_owned())
             .collect();
         assert_eq!(
-            told,
+            outcomes,
             ["stale", "stale", "stopped", "stopped"],
             "{version:?}"
         );
@@ -856,13 +856,13 @@ fn while_the_probe_is_overdue_everything_but_a_stop_is_stale_until_a_later_one_i
                 "{version:?}: {payload}"
             );
         }
-        let told = results(&run_without_echo(&mut rig))[0]["message"]
+        let outcome = results(&run_without_echo(&mut rig))[0]["message"]
             .as_str()
             .unwrap_or_default()
             .to_owned();
         assert!(
-            told.contains("the gateway's probe through the broker is late"),
-            "{told}"
+            outcome.contains("the gateway's probe through the broker is late"),
+            "{outcome}"
         );
         rig.handle(BrokerEvent::Message(message(
             "vfd/plant/drive/pump/run/set",

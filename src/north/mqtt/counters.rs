@@ -42,7 +42,7 @@ pub struct MqttCounters {
     pub too_large: u64,
     /// 1 while the broker does not let us read the alive topic.
     pub alive_refused: u64,
-    /// Whether the partner says that it is there; `None` without one, or while that cannot be known.
+    /// Whether the partner reports that it is online; `None` without one, or while that cannot be known.
     pub partner_online: Option<bool>,
     /// Attempts to write that were lost because too many were waiting to be fetched.
     pub attempts_lost: u64,

@@ -152,7 +152,7 @@ impl MqttSession {
             return self.seen[pending.drive].forget(pending.ticket);
         }
         self.seen[pending.drive].ended(pending.ticket, report);
-        self.tell_end(at, pending, report);
+        self.publish_end(at, pending, report);
     }
 
     /// An id for a client that gave none.

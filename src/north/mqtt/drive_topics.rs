@@ -223,7 +223,7 @@ impl DriveTopics {
             else {
                 continue;
             };
-            if !slot.tell(&content, |old, new| {
+            if !slot.record(&content, |old, new| {
                 self.points.differ_on(kind, drive, old, new)
             }) {
                 continue;

@@ -2,7 +2,7 @@
 //! it.
 
 use super::in_flight::InFlight;
-use super::told::EventMark;
+use super::peer_events::EventMark;
 use crate::domain::time::MonoTime;
 use crate::north::broker::PublicationRefusal;
 use serde_json::{Map, Value};
@@ -43,7 +43,7 @@ impl EventQueue {
         self.entries.len() > KEPT_MAX && self.drop_oldest()
     }
 
-    /// Drops the oldest that is not in flight. The one after it says so.
+    /// Drops the oldest that is not in flight. The one after it carries the count.
     fn drop_oldest(&mut self) -> bool {
         let Some((dropped, next)) = self.entries.drop_oldest() else {
             return false;
@@ -73,10 +73,13 @@ impl EventQueue {
         ))
     }
 
-    /// Drops the oldest waiting event that `was_told` by another gateway. True if there was one.
-    pub(super) fn drop_told(&mut self, mut was_told: impl FnMut(&EventMark) -> bool) -> bool {
+    /// Drops the oldest waiting event that `was_published` by another gateway. True if there was one.
+    pub(super) fn drop_published(
+        &mut self,
+        mut was_published: impl FnMut(&EventMark) -> bool,
+    ) -> bool {
         self.entries
-            .drop_waiting(|entry| was_told(&entry.mark))
+            .drop_waiting(|entry| was_published(&entry.mark))
             .is_some()
     }
 

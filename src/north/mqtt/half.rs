@@ -1,8 +1,8 @@
-//! One of several gateways with the same name and drives: for which lines it speaks, what it tells of itself, and what
+//! One of several gateways with the same name and drives: which lines it publishes, what it reports of itself, and what
 //! it knows of the others.
 //!
-//! On a line with several gateways the active one speaks. A listener publishes nothing of the line and its drives, and
-//! leaves commands to the other.
+//! On a line with several gateways the active one publishes. A listener publishes nothing of the line and its drives,
+//! and leaves commands to the active one.
 
 use super::slot::{RenderContext, TopicContent, TopicSlot, retained};
 use super::topics::MqttTopics;
@@ -14,8 +14,8 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-/// How long after it has taken a line over a gateway waits with trip events of its drives: what the one before it has
-/// published arrives first.
+/// How long a gateway that has taken a line over delays trip events of its drives: those that the previous one has
+/// published arrive first.
 pub(super) const SETTLES_WITHIN: Duration = Duration::from_secs(1);
 /// After this time without a sign of life another gateway that was missed is published as offline.
 const MISSED_AFTER: Duration = Duration::from_secs(5);
@@ -32,13 +32,13 @@ struct PairLine {
     active_since: Option<MonoTime>,
 }
 
-/// Another gateway of the same name, by its own words.
+/// Another gateway of the same name, as it reports itself.
 #[derive(Debug, Default)]
 struct PairPeer {
     /// The lines on which it is active; none if it is offline.
     active_on: Vec<String>,
     is_online: bool,
-    /// It was heard since another gateway last went offline.
+    /// It has reported since another gateway last went offline.
     is_there: bool,
 }
 
@@ -57,7 +57,7 @@ pub(super) struct PairMember {
     drives: Vec<Option<usize>>,
     document: TopicSlot,
     others: BTreeMap<String, PairPeer>,
-    /// When other gateways that were not heard since the last one went offline are published as offline.
+    /// When other gateways that have not reported since the last one went offline are published as offline.
     missed_at: Option<MonoTime>,
     /// Documents of others that are to be replaced.
     gone: Vec<String>,
@@ -111,18 +111,18 @@ impl PairMember {
         self.pair.as_ref()
     }
 
-    /// Takes the present roles, in the order of the lines. Returns whether this gateway speaks for others than before.
+    /// Takes the present roles, in the order of the lines. Returns whether it publishes other lines than before.
     pub(super) fn see(&mut self, at: MonoTime, lines: &[SessionLine]) -> bool {
         self.now = at;
         let has_pair = self.pair.is_some();
         let mut has_changed = false;
         for (line, state) in self.lines.iter_mut().zip(lines) {
-            let did_speak = speaks(line, has_pair);
+            let did_publish = publishes(line, has_pair);
             line.seen = Some(state.report.standby);
-            let does_speak = speaks(line, has_pair);
-            if did_speak != does_speak {
+            let does_publish = publishes(line, has_pair);
+            if did_publish != does_publish {
                 has_changed = true;
-                line.active_since = does_speak.then_some(at);
+                line.active_since = does_publish.then_some(at);
             }
         }
         has_changed
@@ -133,33 +133,33 @@ impl PairMember {
         self.now
     }
 
-    /// Whether it speaks for each line, and for each drive.
-    pub(super) fn speaks(&self) -> (Vec<bool>, Vec<bool>) {
+    /// Whether it publishes each line, and each drive.
+    pub(super) fn published_places(&self) -> (Vec<bool>, Vec<bool>) {
         let lines = (0..self.lines.len())
-            .map(|line| self.speaks_for_line(line))
+            .map(|line| self.publishes_for_line(line))
             .collect();
         (
             lines,
             (0..self.drives.len())
-                .map(|drive| self.speaks_for(drive))
+                .map(|drive| self.publishes_for(drive))
                 .collect(),
         )
     }
 
-    fn speaks_for_line(&self, line: usize) -> bool {
+    fn publishes_for_line(&self, line: usize) -> bool {
         self.lines.get(line).map_or(self.pair.is_none(), |line| {
-            speaks(line, self.pair.is_some())
+            publishes(line, self.pair.is_some())
         })
     }
 
-    /// Whether it speaks for the drive at this place.
-    pub(super) fn speaks_for(&self, drive: usize) -> bool {
+    /// Whether it publishes the drive at this place.
+    pub(super) fn publishes_for(&self, drive: usize) -> bool {
         let line = self.drives.get(drive).copied().flatten();
-        line.map_or(self.pair.is_none(), |line| self.speaks_for_line(line))
+        line.map_or(self.pair.is_none(), |line| self.publishes_for_line(line))
     }
 
-    /// Whether a command for the drive at this place is for this gateway. A stop is, unless another gateway says that it is
-    /// active on the line, and something is heard there: a foreign master may hold the line, and carries out no stops.
+    /// Whether a command for the drive at this place is for this gateway. A stop is, unless another gateway reports that it
+    /// is active on the line, and there is traffic on it: a foreign master may hold the line, and carries out no stops.
     pub(super) fn may_take(&self, drive: usize, is_a_stop: bool) -> bool {
         let stops = || {
             let line = self
@@ -180,12 +180,12 @@ impl PairMember {
             };
             Some(is_quiet || !self.others.values().any(is_active))
         };
-        self.speaks_for(drive) || is_a_stop && stops() == Some(true)
+        self.publishes_for(drive) || is_a_stop && stops() == Some(true)
     }
 
     /// Whether trip events of the drive at this place may be published.
-    pub(super) fn may_tell(&self, at: MonoTime, drive: usize) -> bool {
-        self.speaks_for(drive)
+    pub(super) fn may_publish(&self, at: MonoTime, drive: usize) -> bool {
+        self.publishes_for(drive)
             && self
                 .settles_at(drive)
                 .is_none_or(|settles_at| at >= settles_at)
@@ -197,26 +197,26 @@ impl PairMember {
         Some(line.active_since? + SETTLES_WITHIN)
     }
 
-    /// Whether it speaks for any line: then it tells that the gateway is online.
-    pub(super) fn speaks_at_all(&self) -> bool {
-        self.pair.is_none() || (0..self.lines.len()).any(|line| self.speaks_for_line(line))
+    /// Whether it publishes any line: then it also publishes that the gateway is online.
+    pub(super) fn publishes_anything(&self) -> bool {
+        self.pair.is_none() || (0..self.lines.len()).any(|line| self.publishes_for_line(line))
     }
 
-    /// Whether it speaks for what concerns no single line: the first one by name among those that are active.
+    /// Whether it publishes what concerns no single line: the first one by name among those that are active does.
     pub(super) fn leads(&self) -> bool {
         let Some(pair) = &self.pair else { return true };
         let is_before = |(name, other): (&String, &PairPeer)| {
             other.is_active() && name.as_str() < pair.half.as_str()
         };
-        self.speaks_at_all() && !self.others.iter().any(is_before)
+        self.publishes_anything() && !self.others.iter().any(is_before)
     }
 
-    /// Whether another one is active, by its own words.
+    /// Whether another one reports that it is active.
     pub(super) fn is_another_active(&self) -> bool {
         self.others.values().any(PairPeer::is_active)
     }
 
-    /// Whether the partner is online by its own words, and was not missed since; `None` without one.
+    /// Whether the partner reports that it is online, and was not missed since; `None` without one.
     pub(super) fn is_partner_online(&self) -> Option<bool> {
         let partner = self.pair.as_ref()?.partner.as_str();
         Some(self.others.get(partner).is_some_and(|it| it.is_online))
@@ -260,8 +260,8 @@ impl PairMember {
         is_less
     }
 
-    /// The gateway was published as offline: not by this one, so it or another died or left. All that are there say so.
-    pub(super) fn told_offline(&mut self, at: MonoTime) {
+    /// The gateway was published as offline: not by this one, so a gateway has failed or left. Those that are online report again.
+    pub(super) fn published_offline(&mut self, at: MonoTime) {
         self.document.forget();
         for other in self.others.values_mut() {
             other.is_there = false;
@@ -342,7 +342,7 @@ impl PairMember {
         json!({ "half": half, "partner": partner, "online": is_online, "lines": lines }).to_string()
     }
 
-    /// The connection is lost. The next one brings what the others have published meanwhile.
+    /// The connection is lost. The next one brings what the others have published in the meantime.
     pub(super) fn lost(&mut self) {
         self.document.forget();
         self.others.clear();
@@ -363,7 +363,7 @@ impl PairMember {
     }
 }
 
-fn speaks(line: &PairLine, has_pair: bool) -> bool {
+fn publishes(line: &PairLine, has_pair: bool) -> bool {
     match line.seen {
         Some(Some(report)) => report.role == LineRole::Active,
         Some(None) => true,

@@ -255,7 +255,7 @@ mod tests {
             assert_eq!(
                 sent(&mut queue, from.before(Duration::from_millis(1))),
                 [0_u64; 0],
-                "what was on its way tells nothing"
+                "what was in flight proves nothing"
             );
             assert_eq!(sent(&mut queue, from), [2], "one, to try");
             assert_eq!(

@@ -36,7 +36,7 @@ impl MqttSession {
             Some(MqttInbound::Probe) => self.probe(at, message),
             Some(MqttInbound::Alive) => self.alive(message),
             Some(MqttInbound::AllRun) => self.all_run(at, message),
-            Some(MqttInbound::Told(told)) => self.hear(at.mono, told, message),
+            Some(MqttInbound::Peer(topic)) => self.hear(at.mono, topic, message),
             Some(MqttInbound::Drive(place)) => self.drive_input(at, place, message),
         }
     }
@@ -63,7 +63,7 @@ impl MqttSession {
         if !was_open {
             self.stored.opened();
             // What was known of other gateways on the connection before is forgotten.
-            self.speak(at.mono);
+            self.apply_roles(at.mono);
             self.announce(at.mono);
         }
         let is_alive = self.link.path.is_sign_of_life(at.mono) && !self.are_commanders_gone;
@@ -316,7 +316,7 @@ impl MqttSession {
         }
     }
 
-    /// A motor that is started while nobody is there to hold it is stopped soon.
+    /// A motor that is started while no client can keep its lease alive is stopped soon.
     fn remark_on_clients_gone(&self, wish: &mut InputCommand) {
         let starts = matches!(&wish.order, Order::Go(go) if go.run().is_some());
         if !starts {
@@ -366,7 +366,7 @@ impl MqttSession {
         report: Report,
     ) {
         self.counters.duplicates += 1;
-        self.tell_again(at, drive, asker, &wish.order, report);
+        self.publish_again(at, drive, asker, &wish.order, report);
     }
 
     /// Determines when a command was issued, and refuses one that is or may be too old.
@@ -435,7 +435,7 @@ impl MqttSession {
         self.counters.refused += 1;
         self.counters.refused_retained += u64::from(refused.reason == Reason::Retained);
         self.counters.duplicates += u64::from(refused.reason == Reason::Duplicate);
-        self.tell_refusal(at, drive, topic, asker, refused);
+        self.publish_refusal(at, drive, topic, asker, refused);
     }
 
     /// The response topic of the request, if it is allowed.

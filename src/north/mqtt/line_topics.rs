@@ -28,7 +28,7 @@ pub(super) struct LineTopics {
     drives: Vec<(Name, String)>,
     stats: Option<(MonoTime, LineReport)>,
     /// The drives whose counts were published since the line's.
-    told_drives: usize,
+    published_drives: usize,
     /// The counters changed too soon after the last publication.
     is_held: bool,
 }
@@ -52,7 +52,7 @@ impl LineTopics {
             stats_topic: topic("stats"),
             drives,
             stats: None,
-            told_drives: 0,
+            published_drives: 0,
             is_held: false,
         }
     }
@@ -104,10 +104,13 @@ impl LineTopics {
     fn next_stats(&mut self, now: &RenderContext, line: &SessionLine) -> Option<Publication> {
         let report = &line.report;
         if self.stats.is_some()
-            && let Some(((name, topic), station)) =
-                self.drives.iter().zip(&line.stations).nth(self.told_drives)
+            && let Some(((name, topic), station)) = self
+                .drives
+                .iter()
+                .zip(&line.stations)
+                .nth(self.published_drives)
         {
-            self.told_drives += 1;
+            self.published_drives += 1;
             let mut stats = station_stats(name, station);
             stats["at"] = now.clock.text(now.at).into();
             return Some(retained(
@@ -126,7 +129,7 @@ impl LineTopics {
             return None;
         }
         self.stats = Some((now.at, report.clone()));
-        self.told_drives = 0;
+        self.published_drives = 0;
         let mut stats = line_stats(&report.counters);
         if let Some(object) = stats.as_object_mut() {
             object.insert("budget".to_owned(), budget(report));
@@ -268,11 +271,11 @@ pub(super) struct InfoTopic {
     pub(super) topic: String,
     pub(super) payload: Vec<u8>,
     /// It is published on this connection.
-    pub(super) is_told: bool,
+    pub(super) is_published: bool,
 }
 
 impl InfoTopic {
-    /// Whether both say the same.
+    /// Whether both have the same content.
     pub(super) fn is_of_the_same(&self, other: &Self) -> bool {
         self.topic == other.topic && self.payload == other.payload
     }
@@ -288,7 +291,7 @@ pub(super) fn infos(
     let info = |topic: String, document: &Value| InfoTopic {
         topic,
         payload: document.to_string().into_bytes(),
-        is_told: false,
+        is_published: false,
     };
     let document = json!({
         "version": PROGRAM_VERSION,

@@ -5,8 +5,8 @@
 //! clients send, `inputs` and `dispatch` turn it into commands of [`broker`](super::broker), `answers` and `results`
 //! publish their outcomes, `attempts` describes what a refused message attempted, `seen` remembers used ids, `stored`,
 //! `event_queue` and `history` hold what is still to be published, `telemetry` walks the views of the drives, `points`
-//! defines for each register which change is news, and `home_assistant` announces it all. `standby`, `half` and `told`
-//! make it one of several gateways of the same name.
+//! defines for each register which change is published, and `home_assistant` announces it all. `standby`, `half` and
+//! `peer_events` make it one of several gateways of the same name.
 
 mod answers;
 mod attempts;
@@ -26,6 +26,7 @@ mod kinds;
 mod line_topics;
 mod params;
 mod payload;
+mod peer_events;
 mod points;
 mod replaced;
 #[cfg(test)]
@@ -41,7 +42,6 @@ mod standby_tests;
 mod state;
 mod stored;
 mod telemetry;
-mod told;
 mod topics;
 mod types;
 

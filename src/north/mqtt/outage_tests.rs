@@ -219,7 +219,7 @@ fn changes_of_an_outage_are_reported_after_the_present() {
         "what is not published is not kept either"
     );
     let acts = rig.connect();
-    let told = history(&acts);
+    let past = history(&acts);
     let expected = |second: u32, value: f64| {
         json!({
             "at": format!("2026-01-01T00:00:{second:02}.000Z"), "is_historical": true, "topic": "frequency/output",
@@ -227,7 +227,7 @@ fn changes_of_an_outage_are_reported_after_the_present() {
         })
     };
     assert_eq!(
-        told.iter().map(|(it, _)| it.clone()).collect::<Vec<_>>(),
+        past.iter().map(|(it, _)| it.clone()).collect::<Vec<_>>(),
         [expected(1, 35.0), expected(3, 40.0)]
     );
     let topics: Vec<_> = publications(&acts)
@@ -245,7 +245,7 @@ fn changes_of_an_outage_are_reported_after_the_present() {
         "the present first"
     );
 
-    rig.handle(BrokerEvent::Acknowledged(told[0].1));
+    rig.handle(BrokerEvent::Acknowledged(past[0].1));
     rig.handle(BrokerEvent::Lost);
     let again = history(&rig.connect());
     assert_eq!(
@@ -270,12 +270,12 @@ fn a_change_of_the_run_state_is_kept_and_without_the_wish_nothing_is() {
         rig.handle(BrokerEvent::Lost);
         rig.views[0].run_state = crate::drive::view::RunState::Forward;
         rig.acts();
-        let told = history(&rig.connect());
-        assert_eq!(told.len(), kept);
+        let past = history(&rig.connect());
+        assert_eq!(past.len(), kept);
         assert!(
-            told.iter()
+            past.iter()
                 .all(|(it, _)| it["topic"] == "run/state" && it["value"] == "forward"),
-            "{told:?}"
+            "{past:?}"
         );
     }
 }
@@ -296,22 +296,22 @@ fn the_oldest_changes_give_way_and_the_rest_goes_slowly() {
         ),
         (50, 30)
     );
-    let mut told = history(&rig.connect());
-    assert_eq!(told.len(), 16, "no more are open");
+    let mut past = history(&rig.connect());
+    assert_eq!(past.len(), 16, "no more are open");
     let mut acknowledged = 0;
     let mut all: Vec<_> = Vec::new();
     for _ in 0..200 {
-        for (it, token) in std::mem::take(&mut told) {
+        for (it, token) in std::mem::take(&mut past) {
             all.push(it["value"].as_f64().expect("a number"));
             rig.handle(BrokerEvent::Acknowledged(token));
             acknowledged += 1;
         }
         let before = all.len();
-        told = history(&rig.acts());
-        assert!(told.len() <= 16 && before <= 50);
-        if told.is_empty() {
-            told = history(&rig.pass(100));
-            assert!(told.len() <= 20, "so many in a tenth of a second");
+        past = history(&rig.acts());
+        assert!(past.len() <= 16 && before <= 50);
+        if past.is_empty() {
+            past = history(&rig.pass(100));
+            assert!(past.len() <= 20, "so many in a tenth of a second");
         }
     }
     assert_eq!(acknowledged, 50);

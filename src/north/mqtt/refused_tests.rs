@@ -156,12 +156,12 @@ fn history_that_is_not_taken_is_counted_as_dropped() {
     rig.poll(0, 3_500);
     rig.acts();
     let acts = rig.connect();
-    let told = publications(&acts)
+    let event = publications(&acts)
         .into_iter()
         .find(|it| it.topic.ends_with("/history"))
         .unwrap();
     rig.handle(BrokerEvent::Refused(
-        told.token.unwrap(),
+        event.token.unwrap(),
         PublicationRefusal::Never,
     ));
     assert_eq!(

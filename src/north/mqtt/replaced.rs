@@ -54,6 +54,6 @@ impl MqttSession {
             .replace(&lines, drives.iter().map(|drive| drive.line.clone()));
         self.drives = drives;
         self.lines = lines;
-        self.speak(at.mono);
+        self.apply_roles(at.mono);
     }
 }

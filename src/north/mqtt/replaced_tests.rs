@@ -56,9 +56,9 @@ fn topics_of_what_is_gone_are_cleared_and_what_stays_is_not_said_again() {
     let [pump, fan] = <[_; 2]>::try_from(drives()).unwrap();
     let added = on_another_line(fan, "mill");
     let acts = replace(&mut rig, vec![added, pump.clone()], &["yard"]);
-    let told = published_texts(&acts);
+    let texts = published_texts(&acts);
     let (cleared, said): (Vec<_>, Vec<_>) =
-        told.iter().partition(|(_, payload)| payload.is_empty());
+        texts.iter().partition(|(_, payload)| payload.is_empty());
     for topic in [
         "drive/fan/availability",
         "drive/fan/info",
@@ -85,12 +85,12 @@ fn topics_of_what_is_gone_are_cleared_and_what_stays_is_not_said_again() {
         );
     }
     // Its line is gone, and with it what the line counted.
-    let of_pump = told
+    let of_pump = texts
         .iter()
         .filter(|(topic, _)| topic.starts_with("drive/pump/"));
     assert!(
         of_pump.map(|(topic, _)| topic).eq(["drive/pump/stats"]),
-        "{told:?}"
+        "{texts:?}"
     );
     assert!(publications(&acts).iter().all(|it| it.retain));
     let info: Value = serde_json::from_str(&on(&acts, "info").unwrap()).unwrap();

@@ -85,13 +85,13 @@ pub(super) struct WaitingResults {
 
 impl WaitingResults {
     /// Adds a result for `topic`, and for the requester's own topic. Returns how many older ones were dropped.
-    pub(super) fn tell(
+    pub(super) fn add(
         &mut self,
         topic: String,
         reply: Option<&ReplyTopic>,
-        told: ResultContent<'_>,
+        content: ResultContent<'_>,
     ) -> u64 {
-        let payload = told.payload();
+        let payload = content.payload();
         let response = reply.map(|reply| Publication {
             correlation: reply.correlation.clone(),
             ..Publication::new(reply.topic.clone(), payload.clone())
@@ -177,7 +177,7 @@ mod tests {
     use super::*;
     use crate::domain::ids::CommanderName;
 
-    fn told(id: &Value) -> ResultContent<'_> {
+    fn content(id: &Value) -> ResultContent<'_> {
         let report = Report {
             held: Some(7),
             ..Report::new(Outcome::Failed, Reason::KeptOldValue)
@@ -201,7 +201,7 @@ mod tests {
 
     #[test]
     fn a_result_says_everything_a_script_needs() {
-        let text = String::from_utf8(told(&json!("a1")).payload()).unwrap();
+        let text = String::from_utf8(content(&json!("a1")).payload()).unwrap();
         let expected = r#"{"at":"now","drive":"pump","final":true,"held":7,"id":"a1","message":"the drive kept its old value","outcome":"failed","reason":"kept_old_value"}"#;
         assert_eq!(text, expected);
     }
@@ -212,12 +212,12 @@ mod tests {
         let id = json!(1);
         let by = name("a");
         let report = Report::held_by(name("b"));
-        let told = ResultContent {
+        let content = ResultContent {
             by,
             report,
-            ..told(&id)
+            ..content(&id)
         };
-        let result: Value = serde_json::from_slice(&told.payload()).unwrap();
+        let result: Value = serde_json::from_slice(&content.payload()).unwrap();
         assert_eq!(
             (&result["by"], &result["owner"]),
             (&json!("a"), &json!("mqtt b"))
@@ -230,7 +230,7 @@ mod tests {
         let ids: Vec<_> = (0..70).map(|number| json!(number)).collect();
         let dropped: u64 = ids
             .iter()
-            .map(|id| results.tell("t".into(), None, told(id)))
+            .map(|id| results.add("t".into(), None, content(id)))
             .sum();
         assert_eq!(dropped, 6);
         assert!(

@@ -7,10 +7,10 @@ use super::event_queue::EventQueue;
 use super::half::PairMember;
 use super::history::ChangeHistory;
 use super::home_assistant::{DiscoveryPlant, DiscoveryWalk};
+use super::peer_events::{EventMark, PeerEvents};
 use super::results::WaitingResults;
 use super::stored::StoredEvents;
 use super::telemetry::TelemetryTopics;
-use super::told::{EventMark, PeerEvents};
 use super::topics::MqttTopics;
 use super::types::{GatewayIdentity, LeaseMode, Settings};
 use crate::domain::command::{CommandAnswer, Owner};
@@ -53,7 +53,7 @@ pub struct MqttSession {
     pub(super) events: EventQueue,
     pub(super) stored: StoredEvents,
     /// What other gateways of the name have published.
-    pub(super) told: PeerEvents,
+    pub(super) peer_events: PeerEvents,
     /// Which of them this one is.
     pub(super) half: PairMember,
     history: ChangeHistory,
@@ -107,7 +107,7 @@ impl BrokerSession for MqttSession {
             results: WaitingResults::default(),
             events: EventQueue::default(),
             stored: StoredEvents::default(),
-            told: PeerEvents::default(),
+            peer_events: PeerEvents::default(),
             half,
             history: ChangeHistory::new(settings.keep_telemetry),
             discovery: DiscoveryWalk::default(),
@@ -121,7 +121,7 @@ impl BrokerSession for MqttSession {
             started: started.mono,
             link,
         };
-        session.speak(started.mono);
+        session.apply_roles(started.mono);
         session
     }
 
@@ -186,7 +186,7 @@ impl BrokerSession for MqttSession {
             .pair()
             .map(|_| EventMark::of(drive.name.as_str(), &body))
             .unwrap_or_default();
-        if self.told.take(at.mono, &mark) {
+        if self.peer_events.take(at.mono, &mark) {
             return;
         }
         let topic = self.topics.drive(drive.name.as_str(), "trip/event");
@@ -211,7 +211,7 @@ impl BrokerSession for MqttSession {
 
     fn see_roles(&mut self, at: ClockMoment, lines: &[SessionLine]) {
         if self.half.see(at.mono, lines) {
-            self.speak(at.mono);
+            self.apply_roles(at.mono);
         }
     }
 
@@ -227,16 +227,16 @@ impl BrokerSession for MqttSession {
         if !self.link.path.is_open() {
             return own;
         }
-        let may_tell = |mark: &EventMark| self.may_tell(self.half.now(), mark);
-        let told = [
+        let may_publish = |mark: &EventMark| self.may_publish(self.half.now(), mark);
+        let publications = [
             self.telemetry.wake(),
             self.history.wake(),
-            self.events.wake(may_tell),
-            self.stored.wake(may_tell),
+            self.events.wake(may_publish),
+            self.stored.wake(may_publish),
             self.half.wake(self.settings.heartbeat),
             self.discovery.wake(),
         ];
-        told.into_iter().chain([own]).flatten().min()
+        publications.into_iter().chain([own]).flatten().min()
     }
 
     fn next_inward(&mut self) -> Option<SessionAct> {
@@ -387,7 +387,7 @@ impl MqttSession {
         self.history.lost();
         self.telemetry.forget();
         self.discovery.lost();
-        self.told.lost();
+        self.peer_events.lost();
         self.half.lost();
     }
 
@@ -460,9 +460,9 @@ impl MqttSession {
             std::mem::take(&mut self.events),
             std::mem::take(&mut self.stored),
         );
-        let event = events.next(at, |mark| self.may_tell(at, mark));
+        let event = events.next(at, |mark| self.may_publish(at, mark));
         let event = event.or_else(|| {
-            let (topic, payload, seq) = stored.next(at, |mark| self.may_tell(at, mark))?;
+            let (topic, payload, seq) = stored.next(at, |mark| self.may_publish(at, mark))?;
             Some((topic, payload, STORED | seq))
         });
         (self.events, self.stored) = (events, stored);

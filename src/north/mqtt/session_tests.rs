@@ -544,11 +544,11 @@ fn what_is_larger_than_the_broker_takes_is_named_and_no_document_grows_with_the_
         "the fan has never answered"
     );
     assert!(rig.session.oversized().iter().all(|it| it.bytes > 1_000));
-    let told = |rig: &mut Rig| std::iter::from_fn(|| rig.session.next_notice()).count();
-    assert_eq!(told(&mut rig), 1);
+    let notices = |rig: &mut Rig| std::iter::from_fn(|| rig.session.next_notice()).count();
+    assert_eq!(notices(&mut rig), 1);
     rig.pass(130_000);
     assert_eq!(
-        (told(&mut rig), rig.session.oversized().len()),
+        (notices(&mut rig), rig.session.oversized().len()),
         (0, 1),
         "once"
     );

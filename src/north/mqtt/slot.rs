@@ -21,7 +21,7 @@ pub(super) struct RenderContext {
 }
 
 impl RenderContext {
-    /// This present with `heartbeat` in place of its own, if there is one.
+    /// This context with `heartbeat` in place of its own, if there is one.
     pub(super) fn beating(self, heartbeat: Option<Duration>) -> Self {
         Self {
             heartbeat: heartbeat.unwrap_or(self.heartbeat),
@@ -47,7 +47,7 @@ pub(super) struct TopicSlot {
     topic: String,
     published: Option<(MonoTime, TopicContent)>,
     /// The last content that was published or kept for later: it outlives the connection.
-    told: Option<TopicContent>,
+    latest: Option<TopicContent>,
 }
 
 impl TopicSlot {
@@ -55,7 +55,7 @@ impl TopicSlot {
         Self {
             topic,
             published: None,
-            told: None,
+            latest: None,
         }
     }
 
@@ -78,25 +78,25 @@ impl TopicSlot {
         if !is_due {
             return None;
         }
-        self.told = Some(content.clone());
+        self.latest = Some(content.clone());
         Some(&self.published.insert((now.at, content)).1)
     }
 
     /// Whether `content` differs from what was last published or kept; from then on it counts as such. The first
     /// content of all is no change, nor is a value becoming unknown.
-    pub(super) fn tell(
+    pub(super) fn record(
         &mut self,
         content: &TopicContent,
         differ: impl Fn(ScaledValue, ScaledValue) -> bool,
     ) -> bool {
-        let is_new = match (&self.told, content) {
+        let is_new = match (&self.latest, content) {
             (_, TopicContent::Cleared) => return false,
             (Some(TopicContent::Value(old)), TopicContent::Value(new)) => differ(*old, *new),
             (old, new) => old.as_ref() != Some(new),
         };
-        let is_first = self.told.is_none();
+        let is_first = self.latest.is_none();
         if is_new {
-            self.told = Some(content.clone());
+            self.latest = Some(content.clone());
         }
         is_new && !is_first
     }
@@ -124,7 +124,7 @@ impl TopicSlot {
 
     /// Records what would be published if the topic were published.
     pub(super) fn see(&mut self, content: TopicContent) {
-        self.told = Some(content);
+        self.latest = Some(content);
     }
 
     /// Forgets what was published, so that it is published again.

@@ -1,10 +1,10 @@
-//! The session as one of several gateways of the same name: they hear what each publishes, and what both have seen is
-//! published once.
+//! The session as one of several gateways of the same name: each receives what the others publish, and an event that
+//! several have seen is published once.
 
+use super::peer_events::EventMark;
 use super::session::MqttSession;
 use super::slot::RenderContext;
-use super::telemetry::SpokenShare;
-use super::told::EventMark;
+use super::telemetry::PublishedShare;
 use super::topics::PeerTopic;
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::time::MonoTime;
@@ -12,7 +12,7 @@ use crate::north::broker::{BrokerMessage, DriveRequest, MqttVersion, PendingRequ
 use serde_json::{Map, Value};
 
 impl MqttSession {
-    /// Whether the partner says that it is there; `None` without one, or while that cannot be known.
+    /// Whether the partner reports that it is online; `None` without one, or while that cannot be known.
     pub(super) fn is_partner_online(&self) -> Option<bool> {
         if self.link.path.is_open() {
             self.half.is_partner_online()
@@ -21,14 +21,15 @@ impl MqttSession {
         }
     }
 
-    /// Speaks for its lines and drives as they are, and for the whole.
-    pub(super) fn speak(&mut self, at: MonoTime) {
+    /// Publishes from now on what the present roles require: the lines and drives on which this gateway is active, and the
+    /// gateway as a whole if it leads.
+    pub(super) fn apply_roles(&mut self, at: MonoTime) {
         if self.half.pair().is_none() {
             return;
         }
-        let (lines, drives) = self.half.speaks();
-        let (is_led, is_silent) = (!self.half.leads(), !self.half.speaks_at_all());
-        self.telemetry.speak(SpokenShare {
+        let (lines, drives) = self.half.published_places();
+        let (is_led, is_silent) = (!self.half.leads(), !self.half.publishes_anything());
+        self.telemetry.publish_for(PublishedShare {
             is_led,
             is_silent,
             lines: Some(lines),
@@ -37,7 +38,7 @@ impl MqttSession {
         self.announce(at);
     }
 
-    /// Announces to Home Assistant from now on, if it is for this gateway to do so; else no longer.
+    /// Announces to Home Assistant from now on if this gateway leads; otherwise no longer.
     pub(super) fn announce(&mut self, at: MonoTime) {
         let is_mine =
             self.link.path.is_open() && self.settings.home_assistant.is_some() && self.half.leads();
@@ -49,20 +50,20 @@ impl MqttSession {
     }
 
     /// Takes what this or another gateway of the name has published.
-    pub(super) fn hear(&mut self, at: MonoTime, told: PeerTopic<'_>, message: &BrokerMessage<'_>) {
-        match told {
+    pub(super) fn hear(&mut self, at: MonoTime, topic: PeerTopic<'_>, message: &BrokerMessage<'_>) {
+        match topic {
             PeerTopic::Status => {
                 if message.payload == b"offline" {
-                    self.half.told_offline(at);
+                    self.half.published_offline(at);
                     self.telemetry.forget_status();
-                    self.speak(at);
+                    self.apply_roles(at);
                 }
             }
             PeerTopic::Standby(half) => {
                 if self.half.heard(half, message.payload) {
                     self.telemetry.forget_lines();
                 }
-                self.speak(at);
+                self.apply_roles(at);
             }
             PeerTopic::Event(drive) => self.hear_event(at, drive, message.payload),
             PeerTopic::Last(drive) => self.hear_last(drive, message.payload),
@@ -84,12 +85,12 @@ impl MqttSession {
         }
         let mark = EventMark::of(drive, &body);
         let is_it = |own: &EventMark| own.is_same(&mark);
-        if !self.events.drop_told(is_it) && !self.stored.drop_told(is_it) {
-            self.told.remember(at, mark);
+        if !self.events.drop_published(is_it) && !self.stored.drop_published(is_it) {
+            self.peer_events.remember(at, mark);
         }
     }
 
-    /// What the broker has retained when this gateway connects. Later its events are heard themselves.
+    /// What the broker has retained when this gateway connects. Later the events themselves are received.
     fn hear_last(&mut self, drive: &str, payload: &[u8]) {
         if self.link.path.is_open() || !self.drives.iter().any(|it| it.name.as_str() == drive) {
             return;
@@ -97,15 +98,15 @@ impl MqttSession {
         let Ok(record) = serde_json::from_slice::<Map<String, Value>>(payload) else {
             return;
         };
-        let told = &mut self.told;
-        told.remember_last(drive, record);
-        if !self.events.drop_told(|own| told.take_last(own)) {
-            self.stored.drop_told(|own| told.take_last(own));
+        let peer_events = &mut self.peer_events;
+        peer_events.remember_last(drive, record);
+        if !self.events.drop_published(|own| peer_events.take_last(own)) {
+            self.stored.drop_published(|own| peer_events.take_last(own));
         }
     }
 
     /// Whether the event with this mark may be published now.
-    pub(super) fn may_tell(&self, at: MonoTime, mark: &EventMark) -> bool {
+    pub(super) fn may_publish(&self, at: MonoTime, mark: &EventMark) -> bool {
         if self.half.pair().is_none() {
             return true;
         }
@@ -113,10 +114,13 @@ impl MqttSession {
             .drives
             .iter()
             .position(|it| it.name.as_str() == mark.drive());
-        drive.map_or_else(|| self.half.leads(), |drive| self.half.may_tell(at, drive))
+        drive.map_or_else(
+            || self.half.leads(),
+            |drive| self.half.may_publish(at, drive),
+        )
     }
 
-    /// Whether `report` only says that another gateway is active, which answers itself.
+    /// Whether `report` only means that another gateway is active. That gateway answers itself.
     pub(super) fn is_left_to_another<C>(
         &self,
         pending: &PendingRequest<C>,
@@ -143,18 +147,18 @@ impl MqttSession {
         }
     }
 
-    /// What one of several gateways publishes on an orderly end: it takes back what it speaks for. That the gateway is
-    /// offline is not said while another one is active.
+    /// What one of several gateways publishes on an orderly end: the lines and drives that it publishes
+    /// become unavailable. The gateway becomes offline only if no other one is active.
     pub(super) fn farewell_as_half(&self, at: MonoTime) -> Vec<Publication> {
         let goodbye = super::session::goodbye;
-        let spoken = self
+        let published = self
             .drives
             .iter()
             .enumerate()
-            .filter(|(drive, _)| self.half.speaks_for(*drive));
-        let drives = spoken
+            .filter(|(drive, _)| self.half.publishes_for(*drive));
+        let drives = published
             .map(|(_, drive)| goodbye(self.topics.drive(drive.name.as_str(), "availability")));
-        let is_last = self.half.speaks_at_all() || !self.half.is_another_active();
+        let is_last = self.half.publishes_anything() || !self.half.is_another_active();
         let status = is_last.then(|| goodbye(self.topics.gateway("status")));
         drives
             .chain(self.half.farewell(&self.present(at)))

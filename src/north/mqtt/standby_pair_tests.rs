@@ -16,7 +16,7 @@ struct Plant {
     filters: [Vec<SubscriptionFilter>; 2],
     is_connected: [bool; 2],
     retained: BTreeMap<String, Vec<u8>>,
-    told: Vec<(String, String)>,
+    published: Vec<(String, String)>,
 }
 
 fn matches(filter: &str, topic: &str) -> bool {
@@ -43,13 +43,13 @@ impl Plant {
             rig("b", "a", LineRole::Listening),
         ];
         let filters = [Vec::new(), Vec::new()];
-        let (retained, told) = (BTreeMap::new(), Vec::new());
+        let (retained, published) = (BTreeMap::new(), Vec::new());
         let mut plant = Self {
             rigs,
             filters,
             is_connected: [false; 2],
             retained,
-            told,
+            published,
         };
         plant.connect(0);
         plant.connect(1);
@@ -84,7 +84,7 @@ impl Plant {
 
     fn publish(&mut self, it: &Publication) {
         let text = String::from_utf8_lossy(&it.payload).into_owned();
-        self.told.push((
+        self.published.push((
             it.topic
                 .strip_prefix("vfd/plant/")
                 .unwrap_or(&it.topic)
@@ -169,7 +169,7 @@ impl Plant {
     }
 
     fn times(&self, topic: &str) -> usize {
-        self.told.iter().filter(|(it, _)| it == topic).count()
+        self.published.iter().filter(|(it, _)| it == topic).count()
     }
 
     #[track_caller]
@@ -185,11 +185,11 @@ impl Plant {
 
 /// The active one is killed after each of the publications that a trip causes, and before the first.
 #[test]
-fn wherever_the_active_one_dies_the_trip_is_told_once_and_the_next_one_is_seen() {
+fn wherever_the_active_one_dies_the_trip_is_published_once_and_the_next_one_is_seen() {
     let mut kills = 0;
     loop {
         let mut plant = Plant::new();
-        plant.told.clear();
+        plant.published.clear();
         for rig in &mut plant.rigs {
             trip(rig);
             rig.views[0].trip.active = Some(true);
@@ -231,12 +231,12 @@ fn wherever_the_active_one_dies_the_trip_is_told_once_and_the_next_one_is_seen()
 fn the_end_of_a_listener_is_hidden_from_no_one_for_long_and_its_return_changes_nothing() {
     let mut plant = Plant::new();
     plant.is_served_by(0);
-    plant.told.clear();
+    plant.published.clear();
     plant.kill(1);
     plant.settle();
     plant.is_served_by(0);
     let status: Vec<_> = plant
-        .told
+        .published
         .iter()
         .filter(|(topic, _)| topic == "status")
         .map(|(_, it)| it.as_str())
@@ -248,7 +248,7 @@ fn the_end_of_a_listener_is_hidden_from_no_one_for_long_and_its_return_changes_n
             .text("standby/b")
             .is_some_and(|text| text.contains("\"online\":false"))
     );
-    plant.told.clear();
+    plant.published.clear();
     plant.connect(1);
     plant.pass(2_000);
     assert!(
@@ -259,11 +259,11 @@ fn the_end_of_a_listener_is_hidden_from_no_one_for_long_and_its_return_changes_n
     plant.is_served_by(0);
     assert!(
         plant
-            .told
+            .published
             .iter()
             .all(|(topic, _)| topic == "standby/b" || topic == "probe"),
         "{:?}",
-        plant.told
+        plant.published
     );
 }
 

@@ -134,15 +134,16 @@ fn the_end_of_another_never_hides_this_one() {
         let mut rig = half_with(settings(version), LineRole::Active);
         rig.connect();
         let acts = rig.send("status", b"offline");
-        let told = published_texts(&acts);
+        let texts = published_texts(&acts);
         assert_eq!(
-            told.last()
+            texts
+                .last()
                 .map(|(topic, payload)| (topic.as_str(), payload.as_str())),
             Some(("status", "online"))
         );
         assert!(
-            told.iter().any(|(topic, _)| topic == "standby/b"),
-            "{told:?}"
+            texts.iter().any(|(topic, _)| topic == "standby/b"),
+            "{texts:?}"
         );
         assert_eq!(
             topics(&rig.send("status", b"online")),
@@ -280,27 +281,27 @@ fn events(acts: &[SessionAct]) -> Vec<&Publication> {
         .collect()
 }
 
-/// The trip as the other gateway tells it.
-fn told_by_the_other(count: u16) -> Vec<u8> {
+/// The trip as the other gateway publishes it.
+fn published_by_the_other(count: u16) -> Vec<u8> {
     json!({ "drive": "pump", "kind": "tripped", "count": count, "code": 9, "seq": 77, "session": "of a" })
         .to_string()
         .into_bytes()
 }
 
 #[test]
-fn a_trip_that_both_saw_is_told_once() {
+fn a_trip_that_both_saw_is_published_once() {
     for is_heard_first in [false, true] {
         let mut rig = connected(LineRole::Listening);
         if is_heard_first {
-            rig.send("drive/pump/trip/event", &told_by_the_other(3));
+            rig.send("drive/pump/trip/event", &published_by_the_other(3));
         }
         trip(&mut rig);
         assert!(events(&rig.acts()).is_empty());
         if !is_heard_first {
             assert_eq!(rig.session.counters().events_waiting, 1);
-            rig.send("drive/pump/trip/event", &told_by_the_other(2));
+            rig.send("drive/pump/trip/event", &published_by_the_other(2));
             assert_eq!(rig.session.counters().events_waiting, 1, "another trip");
-            rig.send("drive/pump/trip/event", &told_by_the_other(3));
+            rig.send("drive/pump/trip/event", &published_by_the_other(3));
         }
         assert_eq!(rig.session.counters().events_waiting, 0);
         set(&mut rig, LineRole::Active);
@@ -309,13 +310,13 @@ fn a_trip_that_both_saw_is_told_once() {
 }
 
 #[test]
-fn a_trip_that_the_other_did_not_tell_is_told_after_the_line_was_taken_over() {
+fn a_trip_that_the_other_did_not_publish_is_published_after_the_line_was_taken_over() {
     let mut rig = connected(LineRole::Listening);
     trip(&mut rig);
     rig.acts();
     assert!(
         events(&set(&mut rig, LineRole::Active)).is_empty(),
-        "what the other told may still be on its way"
+        "what the other texts may still be on its way"
     );
     assert!(events(&rig.pass(999)).is_empty());
     let acts = rig.pass(1);
@@ -328,7 +329,7 @@ fn a_trip_that_the_other_did_not_tell_is_told_after_the_line_was_taken_over() {
 }
 
 #[test]
-fn what_the_broker_retains_when_it_connects_was_told() {
+fn what_the_broker_retains_when_it_connects_was_published() {
     for code in [9, 8] {
         let mut rig = half(LineRole::Active);
         trip(&mut rig);
@@ -347,7 +348,7 @@ fn what_the_broker_retains_when_it_connects_was_told() {
 }
 
 #[test]
-fn stored_events_that_another_told_are_done() {
+fn stored_events_that_another_published_are_done() {
     let mut rig = connected(LineRole::Listening);
     let body = |seq: u64, count: u16| json!({ "drive": "pump", "kind": "tripped", "count": count, "code": 9, "seq": seq, "session": "of b" });
     let stored = |seq, count| StoredEvent {
@@ -355,7 +356,7 @@ fn stored_events_that_another_told_are_done() {
         drive: name("pump"),
         body: body(seq, count).to_string(),
     };
-    rig.send("drive/pump/trip/event", &told_by_the_other(3));
+    rig.send("drive/pump/trip/event", &published_by_the_other(3));
     rig.session
         .stored_events(rig.at(), &[stored(1, 3), stored(2, 4)], false);
     let acts = rig.acts();
@@ -364,7 +365,7 @@ fn stored_events_that_another_told_are_done() {
         "{acts:?}"
     );
     assert!(events(&acts).is_empty());
-    let acts = rig.send("drive/pump/trip/event", &told_by_the_other(4));
+    let acts = rig.send("drive/pump/trip/event", &published_by_the_other(4));
     assert!(acts.contains(&SessionAct::EventTaken(2)), "{acts:?}");
     // Events of its own journal are no one else's.
     rig.session.stored_events(rig.at(), &[stored(3, 5)], false);
@@ -393,7 +394,7 @@ fn it_speaks_again_when_the_one_before_it_has_fallen_silent() {
 }
 
 #[test]
-fn another_that_is_missed_is_told_as_offline_unless_it_says_that_it_is_there() {
+fn another_that_is_missed_is_published_as_offline_unless_it_reports_itself() {
     for is_there in [false, true] {
         let mut rig = connected(LineRole::Listening);
         rig.send("standby/a", &other("active"));
@@ -550,7 +551,7 @@ fn what_concerns_no_line_comes_from_the_first_by_name_that_is_active() {
     rig.handle(BrokerEvent::Lost);
     assert!(
         on(&rig.connect(), "info").is_some(),
-        "the next connection tells of it, or does not"
+        "the next connection reports it, or does not"
     );
     assert_eq!(answers(&mut rig), [1, 1]);
 }

@@ -2,8 +2,8 @@
 //! taken from it when there is room, in the order of their numbers, and those that the broker has are reported to it.
 
 use super::in_flight::{IN_FLIGHT_MAX, InFlight};
+use super::peer_events::EventMark;
 use super::session::MqttSession;
-use super::told::EventMark;
 use crate::domain::time::MonoTime;
 use crate::journal::StoredEvent;
 use crate::north::broker::{PublicationRefusal, SessionAct};
@@ -17,7 +17,7 @@ const WAITING_MAX: usize = 4 * IN_FLIGHT_MAX;
 /// The events that were taken from the journal.
 #[derive(Debug, Default)]
 pub(super) struct StoredEvents {
-    /// Topic and payload of each, and what tells it from others.
+    /// Topic and payload of each, and its mark.
     waiting: InFlight<(String, Vec<u8>, EventMark)>,
     /// The highest number that was taken so far.
     newest: u64,
@@ -88,10 +88,15 @@ impl StoredEvents {
         Some((topic.clone(), payload.clone(), seq))
     }
 
-    /// Drops the oldest waiting event that `was_told` by another gateway: it is not to be published any more. True if
+    /// Drops the oldest waiting event that `was_published` by another gateway: it is not to be published any more. True if
     /// there was one.
-    pub(super) fn drop_told(&mut self, mut was_told: impl FnMut(&EventMark) -> bool) -> bool {
-        let dropped = self.waiting.drop_waiting(|(_, _, mark)| was_told(mark));
+    pub(super) fn drop_published(
+        &mut self,
+        mut was_published: impl FnMut(&EventMark) -> bool,
+    ) -> bool {
+        let dropped = self
+            .waiting
+            .drop_waiting(|(_, _, mark)| was_published(mark));
         self.taken.extend(dropped);
         dropped.is_some()
     }
@@ -146,7 +151,7 @@ impl StoredEvents {
 impl MqttSession {
     /// Takes events of the journal.
     pub(super) fn take_stored(&mut self, at: ClockMoment, events: &[StoredEvent], more: bool) {
-        let (topics, told) = (&self.topics, &mut self.told);
+        let (topics, peer_events) = (&self.topics, &mut self.peer_events);
         let has_pair = self.half.pair().is_some();
         let mut session = None;
         self.stored.take(events, more, |event| {
@@ -160,7 +165,7 @@ impl MqttSession {
                 .and_then(Value::as_str)
                 .map(str::to_owned);
             let mark = EventMark::of(event.drive.as_str(), &body);
-            (!told.take(at.mono, &mark)).then_some((topic, mark))
+            (!peer_events.take(at.mono, &mark)).then_some((topic, mark))
         });
         self.stored.session = session.or(self.stored.session.take());
         self.count_events();

@@ -22,20 +22,20 @@ use std::time::Duration;
 /// stay as they are.
 const GONE_MAX: usize = 4096;
 
-/// For what one of several gateways of a name speaks. The default: it is the only one.
+/// What one of several gateways of a name publishes. The default: everything, as the only one.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct SpokenShare {
-    /// Not for what concerns no single line.
+pub(super) struct PublishedShare {
+    /// Not what concerns no single line: another one leads.
     pub(super) is_led: bool,
-    /// Not for the gateway as a whole.
+    /// Not the status of the gateway as a whole.
     pub(super) is_silent: bool,
-    /// For these lines; `None`: for all.
+    /// These lines; `None`: all.
     pub(super) lines: Option<Vec<bool>>,
-    /// For these drives; `None`: for all.
+    /// These drives; `None`: all.
     pub(super) drives: Option<Vec<bool>>,
 }
 
-impl SpokenShare {
+impl PublishedShare {
     fn line(&self, place: usize) -> bool {
         self.lines
             .as_ref()
@@ -66,8 +66,8 @@ pub(super) struct TelemetryTopics {
     gone: Vec<String>,
     /// How many of them are cleared on this connection.
     cleared: usize,
-    /// For what this gateway speaks.
-    spoken: SpokenShare,
+    /// What this gateway publishes.
+    share: PublishedShare,
     /// The position of the walk: 0 the information, then the lines, then the drives.
     place: usize,
 }
@@ -93,7 +93,7 @@ impl TelemetryTopics {
                 .collect(),
             gone: Vec::new(),
             cleared: 0,
-            spoken: SpokenShare::default(),
+            share: PublishedShare::default(),
             place: 0,
         };
         telemetry.clear_all_but_own(telemetry.left_out(settings, topics, drives, lines));
@@ -113,9 +113,9 @@ impl TelemetryTopics {
         let before = self.topics();
         let old_infos = std::mem::replace(&mut self.infos, infos(topics, new, lines, started));
         for info in &mut self.infos {
-            info.is_told = old_infos
+            info.is_published = old_infos
                 .iter()
-                .any(|old| old.is_told && old.is_of_the_same(info));
+                .any(|old| old.is_published && old.is_of_the_same(info));
         }
         let mut old_lines = std::mem::take(&mut self.lines);
         let mut old_drives = std::mem::take(&mut self.drives);
@@ -194,7 +194,7 @@ impl TelemetryTopics {
     }
 
     fn clear_next(&mut self, now: &RenderContext) -> Option<Publication> {
-        if self.spoken.is_led {
+        if self.share.is_led {
             return None;
         }
         let topic = self.gone.get(self.cleared)?.clone();
@@ -204,7 +204,9 @@ impl TelemetryTopics {
 
     /// Everything is to be published again: a birth.
     pub(super) fn forget(&mut self) {
-        self.infos.iter_mut().for_each(|info| info.is_told = false);
+        self.infos
+            .iter_mut()
+            .for_each(|info| info.is_published = false);
         self.place = 0;
         self.cleared = 0;
         self.status.forget();
@@ -212,10 +214,10 @@ impl TelemetryTopics {
         self.drives.iter_mut().for_each(DriveTopics::forget);
     }
 
-    /// Speaks for these from now on. What it begins to speak for is published.
-    pub(super) fn speak(&mut self, spoken: SpokenShare) {
-        let before = std::mem::replace(&mut self.spoken, spoken);
-        let now = &self.spoken;
+    /// Publishes this share from now on. What is new in it is published again.
+    pub(super) fn publish_for(&mut self, share: PublishedShare) {
+        let before = std::mem::replace(&mut self.share, share);
+        let now = &self.share;
         let lines = self
             .lines
             .iter_mut()
@@ -229,7 +231,9 @@ impl TelemetryTopics {
             .filter(|(place, _)| before.drive(*place) != now.drive(*place));
         drives.for_each(|(_, drive)| drive.forget());
         if before.is_led != now.is_led {
-            self.infos.iter_mut().for_each(|info| info.is_told = false);
+            self.infos
+                .iter_mut()
+                .for_each(|info| info.is_published = false);
             self.cleared = 0;
         }
         if before.is_silent != now.is_silent {
@@ -275,13 +279,13 @@ impl TelemetryTopics {
             heartbeat: self.heartbeat,
             expires: self.expires,
         };
-        let spoken = &self.spoken;
+        let share = &self.share;
         let each = self
             .drives
             .iter_mut()
             .zip(drives.iter().zip(views))
             .enumerate();
-        let each = each.filter(|(place, _)| spoken.drive(*place));
+        let each = each.filter(|(place, _)| share.drive(*place));
         let changes = each
             .flat_map(|(place, (topics, (drive, view)))| topics.record(&now, place, drive, view));
         changes.map(|change| u64::from(history.add(change))).sum()
@@ -314,7 +318,7 @@ impl TelemetryTopics {
             }
             self.place = (self.place + 1) % places;
         }
-        if self.spoken.is_silent {
+        if self.share.is_silent {
             return None;
         }
         let is_due = self
@@ -338,13 +342,13 @@ impl TelemetryTopics {
             return self.take_info();
         };
         if let Some(topics) = self.lines.get_mut(place) {
-            if !self.spoken.line(place) {
+            if !self.share.line(place) {
                 return None;
             }
             return topics.next(now, lines.get(place)?);
         }
         let place = place - self.lines.len();
-        if !self.spoken.drive(place) {
+        if !self.share.drive(place) {
             return None;
         }
         let topics = self.drives.get_mut(place)?;
@@ -352,11 +356,11 @@ impl TelemetryTopics {
     }
 
     fn take_info(&mut self) -> Option<Publication> {
-        if !self.is_info_wanted || self.spoken.is_led {
+        if !self.is_info_wanted || self.share.is_led {
             return None;
         }
-        let info = self.infos.iter_mut().find(|info| !info.is_told)?;
-        info.is_told = true;
+        let info = self.infos.iter_mut().find(|info| !info.is_published)?;
+        info.is_published = true;
         Some(Publication {
             retain: true,
             qos: Qos::AtLeastOnce,

@@ -30,16 +30,16 @@ pub(super) enum MqttInbound<'t> {
     AllRun,
     /// An input of a drive.
     Drive(InputAddress<'t>),
-    /// What one of several gateways of the name tells.
-    Told(PeerTopic<'t>),
+    /// What one of several gateways of the name publishes.
+    Peer(PeerTopic<'t>),
 }
 
-/// What the gateways of one name tell, so that each of them hears it.
+/// What the gateways of one name publish for each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PeerTopic<'t> {
     /// Whether the gateway is online.
     Status,
-    /// What the one of this name says of itself.
+    /// The report of the one called so.
     Standby(&'t str),
     /// A trip event of the drive of this name.
     Event(&'t str),
@@ -103,7 +103,7 @@ impl MqttTopics {
     }
 
     /// What is subscribed: inputs only, so that none of our publications is delivered to us; with another gateway of the
-    /// name also what both tell.
+    /// name also what both publish.
     pub(super) fn filters(&self) -> Vec<SubscriptionFilter> {
         /// The shared topic, and that of each client with topics of its own.
         const ORDERS: [&str; 8] = [
@@ -123,17 +123,17 @@ impl MqttTopics {
         let inputs = orders
             .chain(others)
             .map(|rest| self.filter(self.gateway(&rest), false));
-        // What the alive topic said while we were disconnected is valid.
+        // A message on the alive topic that was published while we were disconnected is valid.
         let alive = self.alive.clone().map(|path| self.filter(path, true));
         let mut filters: Vec<SubscriptionFilter> = inputs.chain(alive).collect();
         if self.half.is_some() {
-            let told = [
+            let shared = [
                 "status",
                 "standby/+",
                 "drive/+/trip/event",
                 "drive/+/trip/last",
             ];
-            filters.extend(told.map(|rest| self.filter(self.gateway(rest), true)));
+            filters.extend(shared.map(|rest| self.filter(self.gateway(rest), true)));
         }
         filters
     }
@@ -152,7 +152,7 @@ impl MqttTopics {
         self.half.as_ref()
     }
 
-    /// Where the one called `half` of several gateways tells of itself.
+    /// The topic on which the one called `half` of several gateways reports itself.
     pub(super) fn standby(&self, half: &str) -> String {
         self.gateway(&format!("standby/{half}"))
     }
@@ -183,11 +183,11 @@ impl MqttTopics {
             return Some(MqttInbound::Alive);
         }
         let rest = topic.strip_prefix(self.base.as_str())?;
-        let told = self.half.as_ref().and_then(|_| parse_peer_topic(rest));
+        let peer = self.half.as_ref().and_then(|_| parse_peer_topic(rest));
         if rest == "probe" {
             Some(MqttInbound::Probe)
         } else {
-            told.map(MqttInbound::Told).or_else(|| command(rest))
+            peer.map(MqttInbound::Peer).or_else(|| command(rest))
         }
     }
 

@@ -28,9 +28,9 @@ pub struct Settings {
     pub subscription_qos: Qos,
     /// What keeps a lease of the MQTT side alive.
     pub lease: LeaseMode,
-    /// A topic whose payload `offline` says that the clients of the broker are gone; `None`: no such topic.
+    /// A topic whose payload `offline` means that the clients of the broker are gone; `None`: no such topic.
     pub alive_topic: Option<String>,
-    /// How often the way through the broker is probed.
+    /// How often the path through the broker is probed.
     pub probe_interval: Duration,
     /// After this time without a returned probe the connection is given up.
     pub probe_timeout: Duration,

@@ -103,7 +103,7 @@ impl SparkplugSession {
         };
         let asked = order::read(&self.devices[drive], &payload.metrics);
         if let Some(refused) = &asked.refused {
-            let tried = said(&payload);
+            let tried = metrics_text(&payload);
             self.refuse(Some(drive), Some(tried_text("DCMD", &tried)), refused);
         }
         let Some(order) = asked.order else { return };
@@ -187,7 +187,7 @@ impl SparkplugSession {
                 let is_stop =
                     matches!(&pending.request, DriveRequest::Order(order) if order.is_stop());
                 if !is_stop {
-                    self.tell(drive, report, None);
+                    self.publish_result(drive, report, None);
                 }
             }
         }
@@ -221,7 +221,7 @@ impl SparkplugSession {
             .commands
             .keep_attempt(target, Self::OWNER, tried, report);
         if let Some(device) = drive.and_then(|drive| self.devices.get_mut(drive)) {
-            device.tell(report, refused.message.clone());
+            device.set_result(report, refused.message.clone());
         }
     }
 
@@ -234,7 +234,7 @@ impl SparkplugSession {
         if pending.request != DriveRequest::Order(Order::Renew)
             || answer.report.outcome == Outcome::Refused
         {
-            self.tell(pending.drive, answer.report, Some(&pending));
+            self.publish_result(pending.drive, answer.report, Some(&pending));
         }
         if answer.is_final {
             self.link.commands.take(answer.ticket);
@@ -245,11 +245,11 @@ impl SparkplugSession {
     pub(super) fn drop_overdue(&mut self, at: MonoTime) {
         while let Some((pending, report)) = self.link.commands.take_overdue(at) {
             self.counters.unanswered += 1;
-            self.tell(pending.drive, report, Some(&pending));
+            self.publish_result(pending.drive, report, Some(&pending));
         }
     }
 
-    pub(super) fn tell(
+    pub(super) fn publish_result(
         &mut self,
         drive: usize,
         report: Report,
@@ -264,13 +264,13 @@ impl SparkplugSession {
             None => report.message(),
         });
         if let Some(device) = self.devices.get_mut(drive) {
-            device.tell(report, said);
+            device.set_result(report, said);
         }
     }
 }
 
 /// The metrics of a command in words.
-fn said(payload: &SparkplugPayload) -> String {
+fn metrics_text(payload: &SparkplugPayload) -> String {
     const METRICS_MAX: usize = 4;
     let metric = |metric: &super::payload::PayloadMetric| {
         let name = match (&metric.name, metric.alias) {

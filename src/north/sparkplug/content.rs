@@ -34,7 +34,7 @@ pub(super) enum MetricContent {
     /// One of the sums of what the drive has used.
     Sum(Decimal),
     Text(Cow<'static, str>),
-    /// A part of a report, with its number: the same words of another report are news.
+    /// A part of a report, with its number: the same text of another report is a change.
     Said(Cow<'static, str>, i64),
 }
 
@@ -61,7 +61,7 @@ pub(super) struct MetricContext<'l> {
     pub(super) view: &'l DriveView,
     pub(super) points: &'l PublishedPoints,
     /// The last command from a host.
-    pub(super) told: Option<&'l LastResult>,
+    pub(super) last_result: Option<&'l LastResult>,
 }
 
 impl MetricContext<'_> {
@@ -173,7 +173,7 @@ impl MetricContext<'_> {
     }
 
     fn result(&self, part: ResultPart) -> MetricContent {
-        let Some(told) = self.told else {
+        let Some(last) = self.last_result else {
             return if part == ResultPart::Count {
                 MetricContent::Number(0)
             } else {
@@ -182,13 +182,13 @@ impl MetricContext<'_> {
         };
         match part {
             ResultPart::Outcome => {
-                MetricContent::Said(told.report.outcome.keyword().into(), told.count)
+                MetricContent::Said(last.report.outcome.keyword().into(), last.count)
             }
             ResultPart::Reason => {
-                MetricContent::Said(told.report.reason.keyword().into(), told.count)
+                MetricContent::Said(last.report.reason.keyword().into(), last.count)
             }
-            ResultPart::Message => MetricContent::Said(told.message.clone().into(), told.count),
-            ResultPart::Count => MetricContent::Number(told.count),
+            ResultPart::Message => MetricContent::Said(last.message.clone().into(), last.count),
+            ResultPart::Count => MetricContent::Number(last.count),
         }
     }
 

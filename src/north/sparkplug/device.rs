@@ -58,7 +58,7 @@ pub(super) struct SparkplugDevice {
     /// Its birth is larger than the broker accepts.
     pub(super) is_too_large: bool,
     pub(super) history: MetricHistory,
-    told: Option<LastResult>,
+    last_result: Option<LastResult>,
     /// The last view seen, and until when it gives nothing new.
     looked: Option<(Arc<DriveView>, MonoTime)>,
     /// Measured values are gathered until then.
@@ -79,7 +79,7 @@ impl SparkplugDevice {
             was_born: false,
             is_too_large: false,
             history: MetricHistory::new(keep),
-            told: None,
+            last_result: None,
             looked: None,
             gathers_until: MonoTime::ZERO,
         }
@@ -116,9 +116,9 @@ impl SparkplugDevice {
     }
 
     /// Publishes the outcome of a command.
-    pub(super) fn tell(&mut self, report: Report, message: String) {
-        let count = self.told.as_ref().map_or(0, |told| told.count) + 1;
-        self.told = Some(LastResult {
+    pub(super) fn set_result(&mut self, report: Report, message: String) {
+        let count = self.last_result.as_ref().map_or(0, |last| last.count) + 1;
+        self.last_result = Some(LastResult {
             report,
             message,
             count,
@@ -141,7 +141,7 @@ impl SparkplugDevice {
             drive: now.drive,
             view: now.view,
             points: &self.points,
-            told: self.told.as_ref(),
+            last_result: self.last_result.as_ref(),
         }
     }
 

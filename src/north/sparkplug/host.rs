@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn a_host_whose_clock_was_ahead_is_told_until_it_counts_again() {
+    fn a_host_whose_clock_was_ahead_is_reported_until_it_counts_again() {
         let mut host = PrimaryHost::new(true);
         host.take(&state(true, 7_200_000));
         host.take(&state(false, 7_200_000));

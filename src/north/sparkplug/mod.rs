@@ -2,7 +2,7 @@
 //!
 //! [`SparkplugSession`] is the whole. Inside it, `topics` knows the topics, `payload` the bytes, `host` whether the primary host
 //! is online, `metrics` the metrics of a drive and their names, `content` the content of each, `device` and `node` what
-//! is news, `telling` puts it into messages, `history` keeps what happened while no host could be reached, `order`
+//! has changed, `publishing` puts it into messages, `history` keeps what happened while no host could be reached, `order`
 //! parses commands, and `commands` turns them into commands of [`broker`](super::broker) and reports their outcomes.
 
 mod commands;
@@ -14,8 +14,8 @@ mod metrics;
 mod node;
 mod order;
 pub mod payload;
+mod publishing;
 mod session;
-mod telling;
 mod topics;
 mod types;
 

@@ -20,7 +20,7 @@ const FIRST_LINE_ALIAS: u64 = 3;
 #[derive(Debug, Default)]
 pub(super) struct EdgeNode {
     /// The last published state of each line.
-    told: Vec<String>,
+    published: Vec<String>,
 }
 
 /// What a metric of a command for the edge node requests.
@@ -106,17 +106,17 @@ impl EdgeNode {
                 text(""),
             ));
         }
-        self.told = lines.iter().map(status).collect();
-        let of_lines = (FIRST_LINE_ALIAS..).zip(lines.iter().zip(&self.told)).map(
-            |(alias, (line, status))| {
+        self.published = lines.iter().map(status).collect();
+        let of_lines = (FIRST_LINE_ALIAS..)
+            .zip(lines.iter().zip(&self.published))
+            .map(|(alias, (line, status))| {
                 metric(
                     &format!("line/{}/status", line.name),
                     Some(alias),
                     PayloadType::Text,
                     text(status),
                 )
-            },
-        );
+            });
         all.extend(of_lines);
         all
     }
@@ -124,12 +124,12 @@ impl EdgeNode {
     /// What has changed since it was last published.
     pub(super) fn data(&mut self, at_ms: u64, lines: &[SessionLine]) -> Vec<PayloadMetric> {
         let mut changed = Vec::new();
-        for ((alias, line), told) in (FIRST_LINE_ALIAS..).zip(lines).zip(&mut self.told) {
+        for ((alias, line), published) in (FIRST_LINE_ALIAS..).zip(lines).zip(&mut self.published) {
             let status = status(line);
-            if status == *told {
+            if status == *published {
                 continue;
             }
-            told.clone_from(&status);
+            published.clone_from(&status);
             let value = Some(PayloadValue::Text(status));
             let timestamp = Some(at_ms);
             let datatype = Some(PayloadType::Text as u32);

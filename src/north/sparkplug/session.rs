@@ -181,7 +181,7 @@ impl BrokerSession for SparkplugSession {
 
     fn refused_by_line(&mut self, _at: ClockMoment, ticket: Ticket) {
         if let Some((pending, report)) = self.link.commands.refused_by_line(ticket) {
-            self.tell(pending.drive, report, Some(&pending));
+            self.publish_result(pending.drive, report, Some(&pending));
         }
     }
 
@@ -219,8 +219,8 @@ impl BrokerSession for SparkplugSession {
             return self.link.commands.wake();
         }
         // Once the host is gone, nothing is sent until the connection is left.
-        let may_tell = self.may_tell();
-        let path = if self.is_born && may_tell {
+        let may_publish = self.may_publish();
+        let path = if self.is_born && may_publish {
             self.link.path.wake()
         } else {
             self.link.path.overdue()
@@ -231,7 +231,7 @@ impl BrokerSession for SparkplugSession {
             .iter()
             .filter(|device| device.is_born || !self.is_born && self.keeps());
         let devices = looked_at.filter_map(SparkplugDevice::wake).min();
-        let rebirth = if may_tell { self.rebirth_at } else { None };
+        let rebirth = if may_publish { self.rebirth_at } else { None };
         [path, rebirth, self.link.commands.wake(), devices]
             .into_iter()
             .flatten()
@@ -383,7 +383,7 @@ impl SparkplugSession {
     }
 
     /// Whether there is a host to publish to, and it can be reached.
-    pub(super) fn may_tell(&self) -> bool {
+    pub(super) fn may_publish(&self) -> bool {
         self.link.path.is_granted() && self.host.is_there()
     }
 

@@ -599,12 +599,12 @@ fn what_happened_while_no_host_was_there_is_reported_as_history() {
         .flat_map(|it| &it.payload.metrics)
         .filter(is_past)
         .collect();
-    let told: Vec<_> = past
+    let past_values: Vec<_> = past
         .iter()
         .filter(|it| it.alias == outputs)
         .map(|it| (it.timestamp.unwrap(), it.value.clone().unwrap()))
         .collect();
-    assert_eq!(told, expected);
+    assert_eq!(past_values, expected);
     assert!(
         past.iter()
             .any(|it| it.alias == total && it.value == Some(PayloadValue::Long(1))),

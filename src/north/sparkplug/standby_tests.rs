@@ -62,7 +62,7 @@ fn who_gives_the_line_up_dies_and_stays_away() {
     assert!(!rig.session.wants_connection());
     rig.poll(0, 1_000);
     assert_eq!(rig.pass(10_000), []);
-    // What it heard meanwhile was published by the other one.
+    // What it has seen since was published by the other one.
     set(&mut rig, LineRole::Active);
     rig.connect(4);
     assert_eq!(kinds(&rig.host(true, 2)), ["NBIRTH", "DBIRTH pump"]);

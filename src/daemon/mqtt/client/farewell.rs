@@ -19,8 +19,11 @@ impl<T: BrokerConversation> BrokerClient<'_, T> {
         if self.link.is_none() {
             return ClientEnd::Stopped;
         }
-        let mut words: VecDeque<Publication> =
-            self.talk.borrow_mut().farewell(clock::moment()).into();
+        let mut words: VecDeque<Publication> = self
+            .conversation
+            .borrow_mut()
+            .farewell(clock::moment())
+            .into();
         match timeout(FAREWELL_MAX, self.say(&mut words, events)).await {
             Err(_) => tracing::warn!("broker did not accept the last messages in time"),
             Ok(()) => {
@@ -39,11 +42,11 @@ impl<T: BrokerConversation> BrokerClient<'_, T> {
     }
 
     /// Sends `words` and, where one is sent, DISCONNECT; returns earlier if the connection is lost. Stops that arrive
-    /// meanwhile are handled as usual.
+    /// in that time are handled as usual.
     async fn say(&mut self, words: &mut VecDeque<Publication>, events: &mut ConnectionEvents) {
         // The library cannot send a DISCONNECT that requests the will. Closing without one does.
         let is_closed_only =
-            self.settings.version == MqttVersion::V5 && self.talk.borrow().leaves_will();
+            self.settings.version == MqttVersion::V5 && self.conversation.borrow().leaves_will();
         let mut has_ended = false;
         while let Some(link) = &mut self.link {
             while link.window.has_room() && !has_ended {

@@ -9,7 +9,7 @@ impl<T: BrokerConversation> BrokerClient<'_, T> {
     pub(super) fn contested(&self, rival: ClientRival, wait: Duration) {
         let client_id = self.settings.client_id.as_str();
         match rival {
-            ClientRival::Told => tracing::warn!(
+            ClientRival::Reported => tracing::warn!(
                 client_id,
                 ?wait,
                 "another client uses our identifier at the broker; give each client its own `client_id` in [mqtt]"
@@ -21,7 +21,7 @@ impl<T: BrokerConversation> BrokerClient<'_, T> {
                  (`client_id` in [mqtt]), otherwise see the broker's log"
             ),
         }
-        self.talk.borrow_mut().contested(Some(rival));
+        self.conversation.borrow_mut().contested(Some(rival));
     }
 
     /// Reports when the identifier has been ours alone for long enough.
@@ -30,7 +30,7 @@ impl<T: BrokerConversation> BrokerClient<'_, T> {
             && self.retry.is_settled(life)
         {
             tracing::info!("no other client uses our identifier any more");
-            self.talk.borrow_mut().contested(None);
+            self.conversation.borrow_mut().contested(None);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The time in which the talk wants no connection.
+//! The time in which the conversation wants no connection.
 
 use super::{BrokerClient, BrokerConversation, WaitOutcome};
 use std::future::poll_fn;
@@ -6,20 +6,21 @@ use std::pin::{Pin, pin};
 use std::task::Poll;
 
 impl<T: BrokerConversation> BrokerClient<'_, T> {
-    /// Waits until the talk wants a connection. Returns whether the conversation is to stop instead.
+    /// Waits until the conversation wants a connection. Returns whether the conversation is to stop instead.
     pub(super) async fn stops_unwanted<S: Future<Output = ()>>(
         &mut self,
         stop: Pin<&mut S>,
     ) -> bool {
-        let talk = self.talk;
-        let is_wanted = || talk.borrow().wants_connection();
+        let conversation = self.conversation;
+        let is_wanted = || conversation.borrow().wants_connection();
         if is_wanted() {
             return false;
         }
-        talk.borrow_mut()
+        conversation
+            .borrow_mut()
             .lost("on standby: another gateway is active");
         // That one has the identifier now, as it should.
-        talk.borrow_mut().contested(None);
+        conversation.borrow_mut().contested(None);
         // It is looked at whenever something has changed, and several times a second.
         let wanted = pin!(poll_fn(|_| if is_wanted() {
             Poll::Ready(())

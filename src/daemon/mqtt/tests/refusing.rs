@@ -23,7 +23,7 @@ async fn a_refused_publication_is_reported_with_what_it_means() {
     let count = reasons.len() as u64;
     let stub = Stub::new(version).await;
     let rig = Rig::greeting((0..=count).map(with_token).collect());
-    let told = rig
+    let events = rig
         .run(&stub, version, async {
             let mut peer = stub.welcome().await;
             for (reason, _) in reasons {
@@ -33,7 +33,7 @@ async fn a_refused_publication_is_reported_with_what_it_means() {
             // The code for no matching subscribers is not a refusal.
             let identifier = peer.published().await.identifier;
             answer(&mut peer, identifier, 0x10).await;
-            rig.told_at_least(reasons.len() + 2).await
+            rig.events_at_least(reasons.len() + 2).await
         })
         .await;
     let mut expected: Vec<_> = (0..)
@@ -41,7 +41,7 @@ async fn a_refused_publication_is_reported_with_what_it_means() {
         .map(|(token, (_, refusal))| Outcome::Refused(token, refusal))
         .collect();
     expected.push(Outcome::Acknowledged(count));
-    assert_eq!(told[1..], expected);
+    assert_eq!(events[1..], expected);
     assert_eq!(rig.counters.refused.get(), count);
 }
 
@@ -55,14 +55,14 @@ async fn a_publication_with_a_token_that_cannot_be_sent_is_reported_as_refused()
         };
         let stub = Stub::new(version).await;
         let rig = Rig::greeting(vec![ClientPacket::Publish(wild), with_token(4)]);
-        let told = rig.run(&stub, version, async {
+        let events = rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             let identifier = peer.published().await.identifier;
             peer.acknowledge(identifier).await;
-            rig.told_at_least(3).await
+            rig.events_at_least(3).await
         });
         assert_eq!(
-            told.await[1..],
+            events.await[1..],
             [
                 Outcome::Refused(3, PublicationRefusal::Never),
                 Outcome::Acknowledged(4)
@@ -86,7 +86,7 @@ async fn no_more_is_open_than_the_broker_takes_at_once() {
     let version = MqttVersion::V5;
     let stub = Stub::new(version).await;
     let rig = Rig::greeting((0..20).map(with_token).collect());
-    let told = rig
+    let events = rig
         .run(&stub, version, async {
             // Receive maximum 3.
             let mut peer = stub.welcome_on(&[0x21, 0, 3]).await;
@@ -112,11 +112,11 @@ async fn no_more_is_open_than_the_broker_takes_at_once() {
             for it in open {
                 peer.acknowledge(it.identifier).await;
             }
-            rig.told_at_least(21).await
+            rig.events_at_least(21).await
         })
         .await;
-    assert_eq!(told[1], Outcome::Refused(0, PublicationRefusal::Full));
-    assert_eq!(acknowledged(&told), (1..20).collect::<Vec<_>>());
+    assert_eq!(events[1], Outcome::Refused(0, PublicationRefusal::Full));
+    assert_eq!(acknowledged(&events), (1..20).collect::<Vec<_>>());
 }
 
 #[tokio::test]
@@ -128,7 +128,7 @@ async fn a_long_subscription_goes_in_pieces_that_a_small_limit_takes_and_is_answ
         let filters = filters(&paths.iter().map(String::as_str).collect::<Vec<_>>());
         let stub = Stub::new(version).await;
         let rig = Rig::greeting(vec![ClientPacket::Subscribe(filters)]);
-        let told = rig.run(&stub, version, async {
+        let events = rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             let mut answered = 0;
             while answered < paths.len() {
@@ -141,11 +141,11 @@ async fn a_long_subscription_goes_in_pieces_that_a_small_limit_takes_and_is_answ
                 peer.answer_subscribe(&subscribe, &codes).await;
                 answered += here;
             }
-            rig.told_at_least(2).await
+            rig.events_at_least(2).await
         });
         let expected = (0..paths.len()).map(|at| at != 7).collect();
         assert_eq!(
-            told.await[1..],
+            events.await[1..],
             [Outcome::Subscribed(expected)],
             "{version:?}"
         );

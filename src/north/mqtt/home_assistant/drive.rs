@@ -36,7 +36,7 @@ pub(super) fn entities(
     for (kind, rest) in kinds(drive) {
         entities.extend(shown(drive, kind, &rest, topic(&rest)));
     }
-    entities.extend(told_by_state(drive, &topic("state")));
+    entities.extend(state_entities(drive, &topic("state")));
     if drive.model.trip_register().is_some() {
         let event =
             DiscoveryEntity::new(EntityComponent::Event, "trip", "Trip", EntityNeeds::Drive);
@@ -110,10 +110,18 @@ fn shown(
             vec![problem("tripped", "Tripped", topic)]
         }
         TopicKind::TripCode if tells_trips => {
-            vec![sensor("trip_code", "Trip code").telling(topic).diagnostic()]
+            vec![
+                sensor("trip_code", "Trip code")
+                    .showing_text(topic)
+                    .diagnostic(),
+            ]
         }
         TopicKind::TripText if tells_trips => {
-            vec![sensor("trip_text", "Trip text").telling(topic).diagnostic()]
+            vec![
+                sensor("trip_text", "Trip text")
+                    .showing_text(topic)
+                    .diagnostic(),
+            ]
         }
         TopicKind::TripCount if model.register_for(RegisterRole::TripCount).is_some() => {
             let count = sensor("trip_count", "Trips").showing(topic).diagnostic();
@@ -124,12 +132,12 @@ fn shown(
         }
         TopicKind::WarningCode => vec![
             sensor("warning_code", "Warning code")
-                .telling(topic)
+                .showing_text(topic)
                 .diagnostic(),
         ],
         TopicKind::WarningText => vec![
             sensor("warning_text", "Warning text")
-                .telling(topic)
+                .showing_text(topic)
                 .diagnostic(),
         ],
         TopicKind::Usage(part) => vec![used(part, topic)],
@@ -179,7 +187,7 @@ fn run_state(topic: &str) -> [DiscoveryEntity; 2] {
     );
     [
         state
-            .telling(topic.to_owned())
+            .showing_text(topic.to_owned())
             .class("enum")
             .with("options", RUN_STATES.to_vec())
             .icon("mdi:engine"),
@@ -232,7 +240,7 @@ fn value(rest: &str, topic: String, unit: UnitOfMeasure, decimals: Option<u32>) 
     let entity = DiscoveryEntity::new(EntityComponent::Sensor, key, name, EntityNeeds::Drive);
     match unit {
         UnitOfMeasure::None => entity
-            .telling(topic)
+            .showing_text(topic)
             .diagnostic()
             .with("enabled_by_default", false),
         unit => entity
@@ -243,7 +251,7 @@ fn value(rest: &str, topic: String, unit: UnitOfMeasure, decimals: Option<u32>) 
 }
 
 /// What only the drive's JSON document shows.
-fn told_by_state(drive: &DriveDescription, topic: &str) -> Vec<DiscoveryEntity> {
+fn state_entities(drive: &DriveDescription, topic: &str) -> Vec<DiscoveryEntity> {
     let sensor = |key: &str, name: &str, template: String| {
         let entity =
             DiscoveryEntity::new(EntityComponent::BinarySensor, key, name, EntityNeeds::Drive);

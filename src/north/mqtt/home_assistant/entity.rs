@@ -83,7 +83,7 @@ impl DiscoveryEntity {
     }
 
     /// Shows the text on `topic`.
-    pub(super) fn telling(self, topic: String) -> Self {
+    pub(super) fn showing_text(self, topic: String) -> Self {
         self.made_of(topic, TEXT)
     }
 

@@ -58,13 +58,13 @@ fn line(topics: &MqttTopics, name: &Name) -> Vec<DiscoveryEntity> {
             "active",
             format!("Line {name} active gateway"),
         );
-        active.telling(topics.line(name.as_str(), "active"))
+        active.showing_text(topics.line(name.as_str(), "active"))
     });
     let up = up
         .made_of(topic(), IS_UP)
         .words("True", "False")
         .class("connectivity");
-    [up, status.telling(topic())]
+    [up, status.showing_text(topic())]
         .into_iter()
         .chain(active)
         .collect()

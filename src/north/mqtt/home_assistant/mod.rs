@@ -52,7 +52,7 @@ pub(super) struct DiscoveryWalk {
     /// What is announced in another way from now on: it is migrated before, and taken back afterwards.
     moving: BTreeSet<String>,
     /// What of that was migrated, in order, so far.
-    told: Option<String>,
+    migrated: Option<String>,
     /// The next announcement, device and entity; `None`: all are sent.
     walk: Option<(usize, usize)>,
     /// The path to the broker; `None` while there is none.
@@ -83,7 +83,7 @@ impl DiscoveryWalk {
         });
         self.walk = Some((0, 0));
         self.again_at = None;
-        self.told = None;
+        self.migrated = None;
     }
 
     /// Whether it is announcing, or waits to.
@@ -151,7 +151,7 @@ impl DiscoveryWalk {
     fn move_over(&mut self, topic: &str) {
         if self.gone.len() + self.moving.len() < GONE_MAX && self.moving.insert(topic.to_owned()) {
             self.walk = Some((0, 0));
-            self.told = None;
+            self.migrated = None;
         }
     }
 
@@ -196,8 +196,8 @@ impl DiscoveryWalk {
         if let Some(topic) = self.gone.pop_first() {
             return Some(publication(topic, Vec::new(), true));
         }
-        if let Some(topic) = self.untold().cloned() {
-            self.told = Some(topic.clone());
+        if let Some(topic) = self.next_to_migrate().cloned() {
+            self.migrated = Some(topic.clone());
             return Some(publication(topic, MIGRATES.to_vec(), false));
         }
         while let Some((device, entity)) = self
@@ -216,12 +216,12 @@ impl DiscoveryWalk {
             .map(|topic| publication(topic, Vec::new(), true))
     }
 
-    /// The first entity being migrated that was not announced so yet.
-    fn untold(&self) -> Option<&String> {
-        match &self.told {
-            Some(told) => self
+    /// The first entity to be migrated for which that was not announced yet.
+    fn next_to_migrate(&self) -> Option<&String> {
+        match &self.migrated {
+            Some(migrated) => self
                 .moving
-                .range::<String, _>((Bound::Excluded(told), Bound::Unbounded))
+                .range::<String, _>((Bound::Excluded(migrated), Bound::Unbounded))
                 .next(),
             None => self.moving.first(),
         }

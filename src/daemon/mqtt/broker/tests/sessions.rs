@@ -238,9 +238,14 @@ fn a_will_waits_for_its_delay_but_not_beyond_its_session() {
     rig.pass(Duration::from_secs(9));
     assert_eq!(rig.payloads(watcher), [""; 0]);
     rig.pass(Duration::from_secs(1));
-    let told = rig.messages(watcher);
+    let received = rig.messages(watcher);
     assert_eq!(
-        told[0].properties.as_ref().unwrap().content_type.as_deref(),
+        received[0]
+            .properties
+            .as_ref()
+            .unwrap()
+            .content_type
+            .as_deref(),
         Some("text/plain")
     );
     // The client reconnects in time.

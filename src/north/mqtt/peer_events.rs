@@ -2,7 +2,7 @@
 //!
 //! Each gateway numbers its events itself, and their clocks need not agree. The same event is known by its drive, its
 //! kind, and the drive's own count and code. Repeats of a trip are distinguished by their order: each event that is
-//! heard stands for one of our own.
+//! received stands for one of our own.
 
 use crate::domain::time::MonoTime;
 use serde_json::{Map, Value};
@@ -10,12 +10,12 @@ use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 /// Most events that are remembered until this gateway has seen them itself, and most drives with a last trip.
-const HEARD_MAX: usize = 256;
+const RECEIVED_MAX: usize = 256;
 /// How long an event is remembered that has no count of the drive. What was not seen here by then was not seen here at all.
-/// One with a count may be: a listener reads no record, and tells the trip when it has the line.
-const HEARD_FOR: Duration = Duration::from_secs(60);
+/// One with a count may be: a listener reads no record, and reports the trip when it has the line.
+const REMEMBERED_FOR: Duration = Duration::from_secs(60);
 
-/// What tells an event from others of the same drive.
+/// What distinguishes an event from others of the same drive.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct EventMark {
     drive: String,
@@ -59,8 +59,8 @@ impl EventMark {
             && agree(&self.code, &other.code)
     }
 
-    /// Whether both gateways mean the same trip, for one heard long ago: only the drive's own count tells it from a
-    /// later one.
+    /// Whether both gateways mean the same trip, for one received long ago: only the drive's own count distinguishes
+    /// it from a later one.
     fn is_the_same_trip(&self, other: &Self) -> bool {
         let agree = self.has_no_values() || other.has_no_values() || self.values == other.values;
         self.kind == "tripped"
@@ -86,10 +86,10 @@ impl EventMark {
     }
 }
 
-/// What other gateways have published and was not seen here yet.
+/// Events that other gateways have published and that were not seen here yet.
 #[derive(Debug, Default)]
 pub(super) struct PeerEvents {
-    heard: VecDeque<(MonoTime, EventMark)>,
+    received: VecDeque<(MonoTime, EventMark)>,
     /// The last trip of each drive as the broker had it when this gateway connected.
     last: BTreeMap<String, Map<String, Value>>,
 }
@@ -97,32 +97,33 @@ pub(super) struct PeerEvents {
 impl PeerEvents {
     /// Remembers an event that another gateway has published and that no event of ours is known to be.
     pub(super) fn remember(&mut self, at: MonoTime, mark: EventMark) {
-        self.heard
-            .retain(|(heard_at, mark)| mark.count.is_number() || at.since(*heard_at) < HEARD_FOR);
-        if self.heard.len() >= HEARD_MAX {
-            self.heard.pop_front();
+        self.received.retain(|(received_at, mark)| {
+            mark.count.is_number() || at.since(*received_at) < REMEMBERED_FOR
+        });
+        if self.received.len() >= RECEIVED_MAX {
+            self.received.pop_front();
         }
-        self.heard.push_back((at, mark));
+        self.received.push_back((at, mark));
     }
 
     /// Remembers the retained record of the last trip of `drive`.
     pub(super) fn remember_last(&mut self, drive: &str, record: Map<String, Value>) {
-        if self.last.len() < HEARD_MAX || self.last.contains_key(drive) {
+        if self.last.len() < RECEIVED_MAX || self.last.contains_key(drive) {
             self.last.insert(drive.to_owned(), record);
         }
     }
 
     /// Whether an event of ours that comes now was already published by another gateway, which is forgotten then.
     pub(super) fn take(&mut self, at: MonoTime, own: &EventMark) -> bool {
-        let is_it = |(heard_at, mark): &(MonoTime, EventMark)| {
-            if at.since(*heard_at) < HEARD_FOR {
+        let is_it = |(received_at, mark): &(MonoTime, EventMark)| {
+            if at.since(*received_at) < REMEMBERED_FOR {
                 mark.is_same(own)
             } else {
                 mark.is_the_same_trip(own)
             }
         };
-        if let Some(place) = self.heard.iter().position(is_it) {
-            self.heard.remove(place);
+        if let Some(place) = self.received.iter().position(is_it) {
+            self.received.remove(place);
             return true;
         }
         self.take_last(own)
@@ -190,33 +191,37 @@ mod tests {
         let trip = |values: Value| {
             mark(&json!({ "kind": "tripped", "count": 3, "code": 9, "values": values }))
         };
-        for (own, is_told) in [
+        for (own, is_published) in [
             (json!({ "a": 1 }), true),
             (json!({}), true),
             (json!({ "a": 2 }), false),
         ] {
-            let mut told = PeerEvents::default();
-            told.remember(at(0), trip(json!({ "a": 1 })));
-            told.remember(at(300_000), mark(&json!({ "kind": "cleared" })));
-            assert_eq!(told.take(at(600_000), &trip(own.clone())), is_told, "{own}");
+            let mut peer_events = PeerEvents::default();
+            peer_events.remember(at(0), trip(json!({ "a": 1 })));
+            peer_events.remember(at(300_000), mark(&json!({ "kind": "cleared" })));
+            assert_eq!(
+                peer_events.take(at(600_000), &trip(own.clone())),
+                is_published,
+                "{own}"
+            );
         }
     }
 
     #[test]
-    fn each_heard_event_stands_for_one_of_ours_for_a_minute() {
-        let mut told = PeerEvents::default();
+    fn each_received_event_stands_for_one_of_ours_for_a_minute() {
+        let mut peer_events = PeerEvents::default();
         let cleared = mark(&json!({ "kind": "cleared" }));
         let at = MonoTime::from_millis;
-        told.remember(at(0), cleared.clone());
-        told.remember(at(10_000), cleared.clone());
+        peer_events.remember(at(0), cleared.clone());
+        peer_events.remember(at(10_000), cleared.clone());
         assert_eq!(
-            [1, 2, 3].map(|ms| told.take(at(ms), &cleared)),
+            [1, 2, 3].map(|ms| peer_events.take(at(ms), &cleared)),
             [true, true, false]
         );
-        told.remember(at(0), cleared.clone());
-        assert!(!told.take(at(60_000), &cleared));
-        (0..1_000).for_each(|_| told.remember(at(60_000), cleared.clone()));
-        assert_eq!(told.heard.len(), HEARD_MAX);
+        peer_events.remember(at(0), cleared.clone());
+        assert!(!peer_events.take(at(60_000), &cleared));
+        (0..1_000).for_each(|_| peer_events.remember(at(60_000), cleared.clone()));
+        assert_eq!(peer_events.received.len(), RECEIVED_MAX);
     }
 
     #[test]
@@ -245,10 +250,14 @@ mod tests {
             ),
             (json!({ "kind": "cleared", "count": 1 }), false),
         ] {
-            let mut told = PeerEvents::default();
-            told.remember_last("pump", record.as_object().unwrap().clone());
-            assert_eq!(told.take(MonoTime::ZERO, &mark(&own)), is_it, "{own}");
-            assert!(!told.take(MonoTime::ZERO, &mark(&own)), "once");
+            let mut peer_events = PeerEvents::default();
+            peer_events.remember_last("pump", record.as_object().unwrap().clone());
+            assert_eq!(
+                peer_events.take(MonoTime::ZERO, &mark(&own)),
+                is_it,
+                "{own}"
+            );
+            assert!(!peer_events.take(MonoTime::ZERO, &mark(&own)), "once");
         }
     }
 }

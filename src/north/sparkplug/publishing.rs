@@ -20,7 +20,7 @@ impl SparkplugSession {
         views: &[Arc<DriveView>],
         lines: &[SessionLine],
     ) -> Option<SessionAct> {
-        if !self.may_tell() {
+        if !self.may_publish() {
             self.record(at, views);
             return None;
         }
