@@ -1,6 +1,6 @@
 //! The words of a command in JSON, for all interfaces: everything that is not exactly known is refused by name.
 
-use crate::domain::command::{Direction, Reason};
+use crate::domain::command::{Direction, GoOrder, Order, Reason, RegisterWrite};
 use crate::domain::frequency::{Hertz, NoFrequency};
 use crate::domain::problem::nearest;
 use crate::profile::scale::Decimal;
@@ -133,11 +133,25 @@ pub fn object(payload: &[u8], example: &str) -> Result<Map<String, Value>, Refus
     }
 }
 
-/// Checks that `object` has only keys of `keys`.
+/// Checks that `object`, which `payload` contains, has only keys of `keys`, and each of them once.
 ///
 /// # Errors
-/// It has another one, which is named.
-pub fn known_keys(object: &Map<String, Value>, keys: &[&str]) -> Result<(), RefusedCommand> {
+/// It has another one, which is named, or one occurs twice.
+pub fn exact_keys(
+    payload: &[u8],
+    object: &Map<String, Value>,
+    keys: &[&str],
+) -> Result<(), RefusedCommand> {
+    known_keys(object, keys)?;
+    if pairs_written(payload) == pairs_in(object) {
+        Ok(())
+    } else {
+        Err(not_understood("a key occurs twice"))
+    }
+}
+
+/// Checks that `object` has only keys of `keys`.
+fn known_keys(object: &Map<String, Value>, keys: &[&str]) -> Result<(), RefusedCommand> {
     let Some(key) = object.keys().find(|key| !keys.contains(&key.as_str())) else {
         return Ok(());
     };
@@ -152,18 +166,6 @@ pub fn known_keys(object: &Map<String, Value>, keys: &[&str]) -> Result<(), Refu
         "`{}` is unknown; {right}",
         short(key)
     )))
-}
-
-/// Checks that each key of `object`, which `payload` contains, occurs once.
-///
-/// # Errors
-/// One occurs twice.
-pub fn keys_stand_once(payload: &[u8], object: &Map<String, Value>) -> Result<(), RefusedCommand> {
-    if pairs_written(payload) == pairs_in(object) {
-        Ok(())
-    } else {
-        Err(not_understood("a key occurs twice"))
-    }
 }
 
 /// Number of key-value pairs written in the valid JSON text `payload`.
@@ -298,11 +300,82 @@ pub fn short_number(text: &str, example: &str) -> Result<(), RefusedCommand> {
     Err(not_understood(message))
 }
 
+/// What the keys `run`, `frequency_hz` and `reset` of a command order. A stop excludes the others, whatever they say.
+#[derive(Clone, Debug, PartialEq)]
+pub enum OrderWords {
+    /// A stop, or its output is cut off.
+    Stop(Order),
+    /// Something else, or nothing.
+    Other {
+        /// Run in this direction.
+        run: Option<Direction>,
+        /// The frequency.
+        frequency: Option<Hertz>,
+        /// Reset a trip.
+        is_reset: bool,
+    },
+}
+
+impl OrderWords {
+    /// The words in `object`, for a drive whose setpoint has this step.
+    ///
+    /// # Errors
+    /// One of them is not valid.
+    pub fn read(
+        object: &Map<String, Value>,
+        step: Option<Decimal>,
+    ) -> Result<Self, RefusedCommand> {
+        let run = match run(object)? {
+            Some(RunWord::Stop) => return Ok(Self::Stop(Order::Stop { setpoint: None })),
+            Some(RunWord::Coast) => return Ok(Self::Stop(Order::Coast)),
+            Some(RunWord::Run(direction)) => Some(direction),
+            None => None,
+        };
+        Ok(Self::Other {
+            run,
+            frequency: frequency(object, step)?,
+            is_reset: only_true(object, "reset")?,
+        })
+    }
+
+    /// The order, together with writes to `registers`; `None` if there is nothing to order.
+    ///
+    /// # Errors
+    /// A reset does not stand alone, or the order needs too many frames.
+    pub fn order(self, registers: Vec<RegisterWrite>) -> Result<Option<Order>, RefusedCommand> {
+        let (run, frequency, is_reset) = match self {
+            Self::Stop(order) => return Ok(Some(order)),
+            Self::Other {
+                run,
+                frequency,
+                is_reset,
+            } => (run, frequency, is_reset),
+        };
+        let has_more = run.is_some() || frequency.is_some() || !registers.is_empty();
+        match (is_reset, has_more) {
+            (true, true) => Err(RefusedCommand::new(
+                Reason::Conflict,
+                "`reset` stands alone: send the rest after it",
+            )),
+            (true, false) => Ok(Some(Order::Reset)),
+            (false, false) => Ok(None),
+            (false, true) => GoOrder::new(registers, frequency, run)
+                .map(|go| Some(Order::Go(go)))
+                .ok_or_else(|| RefusedCommand::plain(Reason::TooManyFrames)),
+        }
+    }
+}
+
+/// Refused because it orders nothing; `example` is shown to people.
+#[must_use]
+pub fn orders_nothing(example: &str) -> RefusedCommand {
+    not_understood(format!(
+        "the command orders nothing; right is, for example, {example}"
+    ))
+}
+
 /// The word of `run`.
-///
-/// # Errors
-/// It is none of those that are known.
-pub fn run(object: &Map<String, Value>) -> Result<Option<RunWord>, RefusedCommand> {
+fn run(object: &Map<String, Value>) -> Result<Option<RunWord>, RefusedCommand> {
     match object.get("run") {
         None => Ok(None),
         Some(Value::String(text)) => run_word(text).map(Some),
@@ -313,10 +386,7 @@ pub fn run(object: &Map<String, Value>) -> Result<Option<RunWord>, RefusedComman
 }
 
 /// The frequency of `frequency_hz`.
-///
-/// # Errors
-/// It is none.
-pub fn frequency(
+fn frequency(
     object: &Map<String, Value>,
     step: Option<Decimal>,
 ) -> Result<Option<Hertz>, RefusedCommand> {

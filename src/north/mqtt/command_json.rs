@@ -1,11 +1,11 @@
 //! The JSON form of a command: everything that is not exactly known is refused by name.
 
 use super::params;
-use super::payload::{InputCommand, go, stop_order};
+use super::payload::{InputCommand, stop_order};
 use crate::domain::command::{GoOrder, Order, Reason, RegisterWrite};
 use crate::north::command_words::{
-    RefusedCommand, RunWord, beside_a_stop, frequency, keys_stand_once, known_keys, not_a_number,
-    not_understood, object, only_true, run, short, stop_in,
+    OrderWords, RefusedCommand, beside_a_stop, exact_keys, not_a_number, not_understood, object,
+    orders_nothing, short, stop_in,
 };
 use crate::profile::model::Model;
 use crate::profile::scale::setpoint_step;
@@ -67,8 +67,7 @@ fn parse_input_command(
     payload: &[u8],
     model: &Model,
 ) -> Result<InputCommand, RefusedCommand> {
-    known_keys(object, &KEYS)?;
-    keys_stand_once(payload, object)?;
+    exact_keys(payload, object, &KEYS)?;
     Ok(InputCommand {
         id,
         order: order(object, model)?,
@@ -129,28 +128,13 @@ fn whole<T>(
 }
 
 fn order(object: &Map<String, Value>, model: &Model) -> Result<Order, RefusedCommand> {
-    let run = run(object)?;
+    let words = OrderWords::read(object, setpoint_step(model))?;
     // A stop is carried out whatever else the message contains, and nothing else of that message is.
-    match run {
-        Some(RunWord::Stop) => return Ok(Order::Stop { setpoint: None }),
-        Some(RunWord::Coast) => return Ok(Order::Coast),
-        Some(RunWord::Run(_)) | None => {}
+    if let OrderWords::Stop(stop) = words {
+        return Ok(stop);
     }
-    let frequency = frequency(object, setpoint_step(model))?;
-    let is_reset = only_true(object, "reset")?;
-    let registers = registers(object, model)?;
-    let has_values = frequency.is_some() || !registers.is_empty();
-    match run {
-        _ if is_reset && (run.is_some() || has_values) => {
-            Err(conflict("`reset` stands alone: send the rest after it"))
-        }
-        _ if is_reset => Ok(Order::Reset),
-        None if !has_values => Err(not_understood(format!(
-            "the command orders nothing; right is, for example, {EXAMPLE}"
-        ))),
-        Some(RunWord::Run(direction)) => go(registers, frequency, Some(direction)),
-        _ => go(registers, frequency, None),
-    }
+    let order = words.order(registers(object, model)?)?;
+    order.ok_or_else(|| orders_nothing(EXAMPLE))
 }
 
 fn registers(
@@ -180,18 +164,12 @@ fn registers(
             .ok_or_else(|| not_a_number(&short(code), "10.5"))?;
         let write = params::write(model, code, number)?;
         if writes.iter().any(|it| it.address == write.address) {
-            return Err(conflict(&format!(
-                "`{}` occurs twice, by code and by name",
-                short(code)
-            )));
+            let message = format!("`{}` occurs twice, by code and by name", short(code));
+            return Err(RefusedCommand::new(Reason::Conflict, message));
         }
         writes.push(write);
     }
     Ok(writes)
-}
-
-fn conflict(message: &str) -> RefusedCommand {
-    RefusedCommand::new(Reason::Conflict, message)
 }
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
 //! Bodies of requests from the page: everything that is not exactly known is refused by name.
 
-use crate::domain::command::{GoOrder, Order};
+use crate::domain::command::Order;
 use crate::north::command_words::{
-    RefusedCommand, RunWord, beside_a_stop, frequency, keys_stand_once, known_keys, not_understood,
-    object, only_true, run, stop_in, without_mark,
+    OrderWords, RefusedCommand, RunWord, beside_a_stop, exact_keys, object, only_true,
+    orders_nothing, stop_in, without_mark,
 };
 use crate::profile::scale::Decimal;
 use serde_json::{Map, Value};
@@ -50,47 +50,19 @@ pub fn parse_command(body: &[u8], step: Option<Decimal>) -> Result<PageCommand, 
 
 fn parse_whole_command(body: &[u8], step: Option<Decimal>) -> Result<PageCommand, RefusedCommand> {
     let object = object(body, EXAMPLE)?;
-    known_keys(&object, &KEYS)?;
-    keys_stand_once(body, &object)?;
-    let run = run(&object)?;
-    let stop = match run {
-        Some(RunWord::Stop) => Some(Order::Stop { setpoint: None }),
-        Some(RunWord::Coast) => Some(Order::Coast),
-        Some(RunWord::Run(_)) | None => None,
-    };
-    if stop.is_some() {
-        return Ok(PageCommand {
-            takes: false,
-            order: stop,
-            beside: None,
-        });
+    exact_keys(body, &object, &KEYS)?;
+    let words = OrderWords::read(&object, step)?;
+    // Nothing else of a body with a stop counts.
+    let takes = !matches!(words, OrderWords::Stop(_)) && only_true(&object, "take")?;
+    let order = words.order(Vec::new())?;
+    if order.is_none() && !takes {
+        return Err(orders_nothing(EXAMPLE));
     }
-    let frequency = frequency(&object, step)?;
-    let is_reset = only_true(&object, "reset")?;
-    let takes = only_true(&object, "take")?;
-    let direction = match run {
-        Some(RunWord::Run(direction)) => Some(direction),
-        _ => None,
-    };
-    let go = GoOrder::new(Vec::new(), frequency, direction).map(Order::Go);
-    match (go, is_reset) {
-        (Some(_), true) => Err(not_understood(
-            "`reset` stands alone: send the rest after it",
-        )),
-        (None, true) => Ok(PageCommand {
-            takes,
-            order: Some(Order::Reset),
-            beside: None,
-        }),
-        (None, false) if !takes => Err(not_understood(format!(
-            "the command orders nothing; right is, for example, {EXAMPLE}"
-        ))),
-        (order, false) => Ok(PageCommand {
-            takes,
-            order,
-            beside: None,
-        }),
-    }
+    Ok(PageCommand {
+        takes,
+        order,
+        beside: None,
+    })
 }
 
 /// The user and the password in `body`; `None` unless it is an object with only these.
@@ -193,10 +165,8 @@ mod tests {
                 r#"{"run": "reverse", "run": "forward"}"#,
                 Reason::NotUnderstood,
             ),
-            (
-                r#"{"reset": true, "run": "forward"}"#,
-                Reason::NotUnderstood,
-            ),
+            (r#"{"reset": true, "run": "forward"}"#, Reason::Conflict),
+            (r#"{"reset": true, "frequency_hz": 5}"#, Reason::Conflict),
             (r#"{"reset": false}"#, Reason::NotUnderstood),
             (r#"{"take": 1}"#, Reason::NotUnderstood),
             (r#"{"frequency_hz": "30"}"#, Reason::NotANumber),
