@@ -2,7 +2,9 @@
 
 use serde_json::{Value, json};
 use vfd_gateway::domain::command::Order;
-use vfd_gateway::north::operator::body::{parse_command, sign_in};
+use vfd_gateway::north::api::{SignInBody, read_exactly};
+use vfd_gateway::north::command_words::without_mark;
+use vfd_gateway::north::operator::body::parse_command;
 use vfd_gateway::north::operator::request::{is_own_page, key_text, may_be_called, session_id};
 
 pub fn run(bytes: &[u8]) {
@@ -30,7 +32,8 @@ pub fn run(bytes: &[u8]) {
 }
 
 fn bodies(bytes: &[u8]) {
-    let said = || serde_json::from_slice::<Value>(bytes).expect("what is taken is JSON");
+    let said =
+        || serde_json::from_slice::<Value>(without_mark(bytes)).expect("what is taken is JSON");
     if let Ok(wish) = parse_command(bytes, None) {
         // A stop is accepted whatever accompanies it, JSON or not.
         if wish.beside.is_some() {
@@ -57,7 +60,7 @@ fn bodies(bytes: &[u8]) {
             "{said}"
         );
     }
-    if let Some((user, password)) = sign_in(bytes) {
+    if let Some(SignInBody { user, password }) = read_exactly(bytes) {
         assert_eq!(said(), json!({ "user": user, "password": password }));
     }
 }

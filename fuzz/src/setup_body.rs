@@ -2,6 +2,7 @@
 
 use serde_json::{Value, json};
 use vfd_gateway::domain::command::GoOrder;
+use vfd_gateway::north::command_words::without_mark;
 use vfd_gateway::north::setup_body::addresses;
 
 pub fn run(bytes: &[u8]) {
@@ -12,6 +13,6 @@ pub fn run(bytes: &[u8]) {
         (1..=GoOrder::REGISTERS_MAX).contains(&addresses.len()),
         "{addresses:?}"
     );
-    let said: Value = serde_json::from_slice(bytes).expect("what is taken is JSON");
+    let said: Value = serde_json::from_slice(without_mark(bytes)).expect("what is taken is JSON");
     assert_eq!(said, json!({ "addresses": addresses }));
 }

@@ -6,8 +6,8 @@
 use crate::domain::ids::{Name, Station};
 use crate::domain::report::{LineReport, LineState};
 use crate::domain::suspicion::LineSuspicion;
+use crate::north::api::FindingDocument;
 use crate::north::texts::Sentence;
-use serde_json::{Value, json};
 
 /// How bad it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -150,15 +150,15 @@ pub struct Finding {
 impl Finding {
     /// The document: `text` is in English, `said` is the same for a client that shows another language.
     #[must_use]
-    pub fn document(&self) -> Value {
-        json!({
-            "severity": self.severity.keyword(),
-            "sign": self.sign.keyword(),
-            "line": self.line.as_ref().map(Name::as_str),
-            "drive": self.drive.as_ref().map(Name::as_str),
-            "text": self.text.to_string(),
-            "said": self.text.document(),
-        })
+    pub fn document(&self) -> FindingDocument {
+        FindingDocument {
+            severity: self.severity.keyword().into(),
+            sign: self.sign.keyword().into(),
+            line: self.line.as_ref().map(Name::to_string),
+            drive: self.drive.as_ref().map(Name::to_string),
+            text: self.text.to_string().into(),
+            said: self.text.document(),
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! The client side: parsers and sans-IO state machines. No socket, no clock, and no access to the line machine.
 
+pub mod api;
 pub mod broker;
 pub mod clock;
 pub mod command_words;

@@ -1,7 +1,7 @@
 //! The body of an order at the gateway's own socket: which registers are to be set for bus control.
 
+use super::api::{AddressesBody, NumberBody, WatchdogBody, read_exactly};
 use crate::domain::command::GoOrder;
-use serde_json::Value;
 use std::time::Duration;
 
 /// What a body looks like, for people.
@@ -10,11 +10,9 @@ pub const EXAMPLE: &str = r#"{"addresses": [529, 530]}"#;
 /// The addresses that `body` names; `None` unless it is an object with only these.
 #[must_use]
 pub fn addresses(body: &[u8]) -> Option<Vec<u16>> {
-    let list = only(body, "addresses")?;
-    let list = list.as_array()?;
-    let is_bounded = (1..=GoOrder::REGISTERS_MAX).contains(&list.len());
-    let address = |value: &Value| u16::try_from(value.as_u64()?).ok();
-    is_bounded.then(|| list.iter().map(address).collect())?
+    let AddressesBody { addresses } = read_exactly(body)?;
+    let is_bounded = (1..=GoOrder::REGISTERS_MAX).contains(&addresses.len());
+    is_bounded.then_some(addresses)
 }
 
 /// What the body of an order to set the drive's own watchdog looks like, for people.
@@ -23,13 +21,11 @@ pub const WATCHDOG_EXAMPLE: &str = r#"{"time_ms": 5000}"#;
 /// The time that `body` names, or `Some(None)` for off; `None` unless it is an object with only that.
 #[must_use]
 pub fn watchdog_time(body: &[u8]) -> Option<Option<Duration>> {
-    match only(body, "time_ms")? {
-        Value::Null => Some(None),
-        time => time
-            .as_u64()
-            .filter(|millis| *millis > 0)
-            .map(|millis| Some(Duration::from_millis(millis))),
+    let WatchdogBody { time_ms } = read_exactly(body)?;
+    if time_ms == Some(0) {
+        return None;
     }
+    Some(time_ms.map(Duration::from_millis))
 }
 
 /// What the body of an order to write one parameter looks like, for people.
@@ -38,19 +34,7 @@ pub const PARAMETER_EXAMPLE: &str = r#"{"raw": 100}"#;
 /// The word, or the number in two words, that `body` names; `None` unless it is an object with only that.
 #[must_use]
 pub fn parameter_number(body: &[u8]) -> Option<u32> {
-    let raw = only(body, "raw")?.as_u64()?;
-    u32::try_from(raw).ok()
-}
-
-/// The value of `key` in `body`; `None` unless it is an object with only that.
-fn only(body: &[u8], key: &str) -> Option<Value> {
-    let Value::Object(mut object) = serde_json::from_slice(body).ok()? else {
-        return None;
-    };
-    if object.len() != 1 {
-        return None;
-    }
-    object.remove(key)
+    read_exactly(body).map(|NumberBody { raw }| raw)
 }
 
 #[cfg(test)]

@@ -14,11 +14,11 @@ use crate::drive::snapshot::{DrivePresence, ValueReading};
 use crate::drive::usage::{EnergySource, UsagePart};
 use crate::drive::view::{ControlView, DriveView, RunState};
 use crate::drive::warnings;
+use crate::north::api::{FailSafeDocument, LastSeenDocument, StandbyDocument, UsageDocument};
 use crate::north::clock::LabelClock;
 use crate::north::texts::Sentence;
 use crate::profile::model::{Model, Register};
 use crate::profile::scale::Decimal;
-use serde_json::{Value, json};
 use std::time::Duration;
 
 /// How reliable a value is.
@@ -44,17 +44,18 @@ impl Freshness {
     }
 }
 
-/// What a drive has used; `null` for each sum that it does not have.
+/// What a drive has used.
 #[must_use]
-pub fn usage(view: &DriveView) -> Value {
+pub fn usage(view: &DriveView) -> UsageDocument {
     let value = |part| view.usage.value(part).map(Decimal::value);
-    json!({
-        "energy_kwh": value(UsagePart::Energy),
-        "energy_from": view.usage.parts.energy.map(EnergySource::keyword),
-        "running_hours": value(UsagePart::RunningHours),
-        "starts": value(UsagePart::Starts).map(|it| it as u64),
-        "trips": value(UsagePart::Trips).map(|it| it as u64),
-    })
+    let energy_from = view.usage.parts.energy.map(EnergySource::keyword);
+    UsageDocument {
+        energy_kwh: value(UsagePart::Energy),
+        energy_from: energy_from.map(str::to_owned),
+        running_hours: value(UsagePart::RunningHours),
+        starts: value(UsagePart::Starts).map(|it| it as u64),
+        trips: value(UsagePart::Trips).map(|it| it as u64),
+    }
 }
 
 /// Why a command or a read ended so, in plain words and, if the drive answered with an exception, in its vendor's.
@@ -171,31 +172,31 @@ pub fn quality(
     }
 }
 
-/// What was last seen of a drive that is out of sight; `null` for one that is in sight, or of which nothing was seen.
+/// What was last seen of a drive that is out of sight; `None` for one that is in sight, or of which nothing was seen.
 #[must_use]
-pub fn last_seen(view: &DriveView, clock: &LabelClock) -> Value {
-    view.sight.last_seen.map_or(Value::Null, |seen| {
-        let at = match seen.at {
-            SeenAt::Here(at) => clock.text(at),
-            SeenAt::Before(at) => rfc3339(at),
-        };
-        json!({ "run_state": seen.run_state.keyword(), "output_hz": seen.output.map(Hertz::as_f64), "at": at })
+pub fn last_seen(view: &DriveView, clock: &LabelClock) -> Option<LastSeenDocument> {
+    let seen = view.sight.last_seen?;
+    let at = match seen.at {
+        SeenAt::Here(at) => clock.text(at),
+        SeenAt::Before(at) => rfc3339(at),
+    };
+    Some(LastSeenDocument {
+        run_state: seen.run_state.keyword().into(),
+        output_hz: seen.output.map(Hertz::as_f64),
+        at: Some(at),
     })
 }
 
-/// The declared action that fell due since the last RUN, with the stage that it has reached; `null` if none did.
+/// The declared action that fell due since the last RUN, with the stage that it has reached; `None` if none did.
 #[must_use]
-pub fn fail_safe(control: Option<&ControlView>, clock: &LabelClock) -> Value {
-    control
-        .and_then(|control| control.failsafe)
-        .map_or(Value::Null, |run| {
-            json!({
-                "action": run.action.keyword(),
-                "cause": run.cause.keyword(),
-                "stage": run.stage.keyword(),
-                "at": clock.text(run.at),
-            })
-        })
+pub fn fail_safe(control: Option<&ControlView>, clock: &LabelClock) -> Option<FailSafeDocument> {
+    let run = control?.failsafe?;
+    Some(FailSafeDocument {
+        action: run.action.keyword().into(),
+        cause: run.cause.keyword().into(),
+        stage: run.stage.keyword().into(),
+        at: clock.text(run.at).into(),
+    })
 }
 
 /// That a drive that is out of sight may still run, and what was last seen of it.
@@ -341,23 +342,25 @@ pub const fn intent(intent: RunIntent) -> &'static str {
     }
 }
 
-/// The role of this gateway on a line that `pair` shares; `null` on a line of its own.
+/// The role of this gateway on a line that `pair` shares; `None` on a line of its own.
 #[must_use]
-pub fn standby(report: Option<&StandbyReport>, pair: Option<&StandbyPair>) -> Value {
-    report.map_or(Value::Null, |report| {
-        json!({
-            "role": report.role.keyword(),
-            "half": pair.map(|pair| pair.half.as_str()),
-            "partner": pair.map(|pair| pair.partner.as_str()),
-            "take_overs": report.take_overs,
-            "given_up": report.given_up,
-            "rivals": report.rivals,
-            "hears_other": report.hears_other,
-            "listener": report.listener,
-            "deaf": report.trouble.is_deaf,
-            "files_differ": report.trouble.files_differ,
-            "unknown_station": report.trouble.unknown_station.map(|station| station.0),
-        })
+pub fn standby(
+    report: Option<&StandbyReport>,
+    pair: Option<&StandbyPair>,
+) -> Option<StandbyDocument> {
+    let report = report?;
+    Some(StandbyDocument {
+        role: report.role.keyword().into(),
+        half: pair.map(|pair| pair.half.to_string()),
+        partner: pair.map(|pair| pair.partner.to_string()),
+        take_overs: report.take_overs,
+        given_up: report.given_up,
+        rivals: report.rivals,
+        hears_other: report.hears_other,
+        listener: report.listener,
+        deaf: report.trouble.is_deaf,
+        files_differ: report.trouble.files_differ,
+        unknown_station: report.trouble.unknown_station.map(|station| station.0),
     })
 }
 

@@ -4,8 +4,13 @@ use crate::cli::tools::socket::{self, SocketRequest};
 use crate::cli::tools::{CommandFailure, WordTone, log, print, toned};
 use crate::daemon::http::report::SPAN_SECONDS;
 use crate::daemon::http::socket::SOCKET_NAME;
+use crate::north::api::{
+    AdviceDocument, DriveReportDocument, ErrorDocument, FindingDocument, HealthDocument,
+    LineReportDocument, PassedOn,
+};
 use crate::north::finding::FindingSign;
 use axum::http::StatusCode;
+use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::io::{IsTerminal, stderr};
@@ -28,6 +33,11 @@ const OF_MOTION: [FindingSign; 6] = [
 ];
 /// Cells of the progress bar.
 const BAR_CELLS: u64 = 30;
+
+/// The report of a line.
+type WatchedLine = PassedOn<LineReportDocument>;
+/// A finding of the gateway.
+type PrintedFinding = PassedOn<FindingDocument>;
 
 /// Arguments of `doctor`.
 #[derive(Debug, clap::Args)]
@@ -74,9 +84,11 @@ pub fn doctor(args: &Args) -> Result<(), CommandFailure> {
             section("gateway", &own)
         )
     })?;
-    let all = reports.iter().flat_map(findings).chain(drives).chain(own);
-    match all
-        .filter(|finding| finding["severity"] == "problem")
+    let of_lines = reports.iter().flat_map(|report| &report.known.verdict);
+    let others = drives.iter().chain(&own).map(|finding| &finding.known);
+    match of_lines
+        .chain(others)
+        .filter(|finding| finding.severity == "problem")
         .count()
     {
         0 => Ok(()),
@@ -88,19 +100,15 @@ pub fn doctor(args: &Args) -> Result<(), CommandFailure> {
 }
 
 /// The reports of all requested lines, in the order of the configuration.
-async fn watch(socket: &Path, args: &Args) -> Result<Vec<Value>, CommandFailure> {
+async fn watch(socket: &Path, args: &Args) -> Result<Vec<WatchedLine>, CommandFailure> {
     let failed = |reason: String| {
         CommandFailure::failed(format!("gateway at {}: {reason}", socket.display()))
     };
-    let health = fetch_document(socket, "/api/v1/health", PATIENCE)
+    let health: HealthDocument = fetch_document(socket, "/api/v1/health", PATIENCE)
         .await
         .map_err(failed)?;
-    let lines = health["lines"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .filter_map(|line| line["name"].as_str());
-    let all: Vec<_> = lines.map(str::to_owned).collect();
+    let lines = health.lines.iter();
+    let all: Vec<_> = lines.map(|line| line.name.to_string()).collect();
     let wanted: Vec<_> = all
         .iter()
         .filter(|name| args.line.as_ref().is_none_or(|line| line == *name))
@@ -136,45 +144,45 @@ async fn watch(socket: &Path, args: &Args) -> Result<Vec<Value>, CommandFailure>
 }
 
 /// What the gateway finds wrong at present. Another version may not tell.
-async fn advice(socket: &Path) -> Vec<Value> {
-    let told = fetch_document(socket, "/api/v1/advice", PATIENCE)
-        .await
-        .unwrap_or_default();
-    told["advice"].as_array().cloned().unwrap_or_default()
+async fn advice(socket: &Path) -> Vec<PrintedFinding> {
+    let told = fetch_document(socket, "/api/v1/advice", PATIENCE).await;
+    told.map(|AdviceDocument { advice }| advice)
+        .unwrap_or_default()
 }
 
 /// What is wrong with the gateway itself: its broker, its journal, its socket.
-fn own_findings(advice: &[Value]) -> Vec<&Value> {
+fn own_findings(advice: &[PrintedFinding]) -> Vec<&PrintedFinding> {
     advice
         .iter()
-        .filter(|finding| finding["line"].is_null() && finding["drive"].is_null())
+        .filter(|PassedOn { known, .. }| known.line.is_none() && known.drive.is_none())
         .collect()
 }
 
 /// What the motors on the watched lines do that was not ordered. What their frames show is in the reports.
-fn of_motion<'a>(advice: &'a [Value], reports: &[Value]) -> Vec<&'a Value> {
-    let is_watched = |finding: &Value| {
-        reports
-            .iter()
-            .any(|report| report["line"] == finding["line"])
+fn of_motion<'a>(advice: &'a [PrintedFinding], reports: &[WatchedLine]) -> Vec<&'a PrintedFinding> {
+    let is_watched = |finding: &FindingDocument| {
+        let mut lines = reports.iter().map(|report| &*report.known.line);
+        lines.any(|line| finding.line.as_deref() == Some(line))
     };
-    let is_of_motion = |finding: &Value| {
-        finding["sign"]
-            .as_str()
-            .is_some_and(|sign| OF_MOTION.iter().any(|it| it.keyword() == sign))
-    };
+    let is_of_motion =
+        |finding: &FindingDocument| OF_MOTION.iter().any(|it| finding.sign == it.keyword());
     advice
         .iter()
-        .filter(|finding| is_of_motion(finding) && is_watched(finding))
+        .filter(|finding| is_of_motion(&finding.known) && is_watched(&finding.known))
         .collect()
 }
 
-async fn fetch_document(socket: &Path, path: &str, patience: Duration) -> Result<Value, String> {
+async fn fetch_document<T: DeserializeOwned>(
+    socket: &Path,
+    path: &str,
+    patience: Duration,
+) -> Result<T, String> {
     match socket::ask(socket, SocketRequest::get(path), patience).await? {
-        (StatusCode::OK, answer) => Ok(answer),
-        (status, answer) => Err(answer["error"]
-            .as_str()
-            .map_or(format!("{path} answers {status}"), str::to_owned)),
+        (StatusCode::OK, answer) => socket::document(answer),
+        (status, answer) => {
+            let ErrorDocument { error } = socket::refusal(answer);
+            Err(error.unwrap_or_else(|| format!("{path} answers {status}")))
+        }
     }
 }
 
@@ -203,13 +211,9 @@ fn say(text: &str) {
     }
 }
 
-fn findings(report: &Value) -> impl Iterator<Item = &Value> {
-    report["verdict"].as_array().into_iter().flatten()
-}
-
 /// `findings` below `title`; empty if there is none.
-fn section(title: &str, findings: &[&Value]) -> String {
-    let rows = findings.iter().map(|finding| finding_row(finding));
+fn section(title: &str, findings: &[&PrintedFinding]) -> String {
+    let rows = findings.iter().map(|finding| finding_row(&finding.known));
     if findings.is_empty() {
         String::new()
     } else {
@@ -217,92 +221,80 @@ fn section(title: &str, findings: &[&Value]) -> String {
     }
 }
 
-fn finding_row(finding: &Value) -> String {
-    let word = |key: &str| finding[key].as_str().unwrap_or("?");
-    let severity = word("severity");
-    let tone = match severity {
+fn finding_row(finding: &FindingDocument) -> String {
+    let FindingDocument { severity, text, .. } = finding;
+    let tone = match &**severity {
         "good" => WordTone::Good,
         "problem" => WordTone::Problem,
         _ => WordTone::Notice,
     };
     // The text of a report names its drive itself.
-    let drive = finding["drive"]
-        .as_str()
-        .filter(|drive| !word("text").starts_with(drive));
-    let drive = drive.map_or_else(String::new, |drive| format!("{drive}: "));
-    format!("  {}: {drive}{}\n", toned(tone, severity), word("text"))
+    let drive = match &finding.drive {
+        Some(drive) if !text.starts_with(drive.as_str()) => format!("{drive}: "),
+        _ => String::new(),
+    };
+    format!("  {}: {drive}{text}\n", toned(tone, severity))
 }
 
 /// The reports for people. Missing values are shown as `?` or `-`: another version may send less.
-fn text(reports: &[Value]) -> String {
-    reports.iter().map(line).collect::<Vec<_>>().join("\n")
+fn text(reports: &[WatchedLine]) -> String {
+    let lines: Vec<_> = reports.iter().map(|report| line(&report.known)).collect();
+    lines.join("\n")
 }
 
-fn line(report: &Value) -> String {
-    fn text_at<'a>(of: &'a Value, key: &str) -> &'a str {
-        of[key].as_str().unwrap_or("?")
-    }
-    let rates = &report["rates"];
+fn line(report: &LineReportDocument) -> String {
+    let rates = &report.rates;
     // A line over Modbus TCP has no speed and no characters.
-    let has_none = report.get("link").is_some_and(Value::is_null);
-    let link = if has_none {
-        String::new()
-    } else {
-        format!("{} on ", text_at(report, "link"))
+    let link = match &report.link {
+        Some(link) => format!("{link} on "),
+        None => String::new(),
     };
     let mut text = format!(
         "line {} ({link}{}): {}, watched for {} s\n",
-        text_at(report, "line"),
-        text_at(report, "port"),
-        text_at(report, "state"),
-        number(&report["observed_s"])
+        report.line,
+        report.port,
+        report.state,
+        number(report.observed_s)
     );
-    let share = |key: &str| {
-        rates[key]
-            .as_f64()
-            .map_or("?".to_owned(), |share| format!("{:.2} %", share / 10.0))
-    };
+    let share =
+        |share: Option<f64>| share.map_or("?".to_owned(), |share| format!("{:.2} %", share / 10.0));
     // Writing to a String cannot fail.
     let _ = writeln!(
         text,
         "  {} exchanges: {} good, {} silent, {} damaged; {} of frames that answer nothing",
-        number(&rates["exchanges"]),
-        share("good_per_mille"),
-        share("silent_per_mille"),
-        share("garbled_per_mille"),
-        share("stray_per_mille")
+        number(rates.exchanges),
+        share(rates.good_per_mille),
+        share(rates.silent_per_mille),
+        share(rates.garbled_per_mille),
+        share(rates.stray_per_mille)
     );
-    for (key, what) in [
-        ("noise_bytes", "bytes that made no frame"),
-        ("foreign", "frames of stations that were not asked"),
-        ("other_master", "requests of another master"),
-        ("echoes", "echoes of our own frames"),
+    for (count, what) in [
+        (rates.noise_bytes, "bytes that made no frame"),
+        (rates.foreign, "frames of stations that were not asked"),
+        (rates.other_master, "requests of another master"),
+        (rates.echoes, "echoes of our own frames"),
     ] {
-        if rates[key].as_u64().is_some_and(|count| count > 0) {
-            let _ = writeln!(text, "  {} {what}", rates[key]);
+        if count > 0 {
+            let _ = writeln!(text, "  {count} {what}");
         }
     }
-    text.push_str(&drives(report));
-    text.extend(findings(report).map(finding_row));
+    text.push_str(&drives(&report.drives));
+    text.extend(report.verdict.iter().map(finding_row));
     text
 }
 
 /// The drives as tables: their exchanges, and the times of their replies if there are any.
-fn drives(report: &Value) -> String {
-    let mut text = table(&exchanges(report));
-    let times = reply_times(report);
+fn drives(drives: &[DriveReportDocument]) -> String {
+    let mut text = table(&exchanges(drives));
+    let times = reply_times(drives);
     if times.len() > 1 {
         text.push_str(&table(&times));
     }
     text
 }
 
-fn all_drives(report: &Value) -> impl Iterator<Item = &Value> {
-    report["drives"].as_array().into_iter().flatten()
-}
-
 /// A header, and how often each drive was asked and answered.
-fn exchanges(report: &Value) -> Vec<Vec<String>> {
+fn exchanges(drives: &[DriveReportDocument]) -> Vec<Vec<String>> {
     let header = [
         "drive",
         "is",
@@ -314,28 +306,23 @@ fn exchanges(report: &Value) -> Vec<Vec<String>> {
         "doubled",
     ]
     .map(str::to_owned);
-    let counts = all_drives(report).map(|drive| {
-        let cell = |key: &str| number(&drive[key]);
-        let words = [
-            drive["name"].as_str().unwrap_or("?"),
-            drive["presence"].as_str().unwrap_or("?"),
-        ];
-        let numbers = [
-            "station",
-            "exchanges",
-            "silent",
-            "damaged",
-            "late",
-            "doubled",
+    let counts = drives.iter().map(|drive| {
+        vec![
+            drive.name.to_string(),
+            drive.presence.to_string(),
+            number(drive.station),
+            number(drive.exchanges),
+            number(drive.silent),
+            number(drive.damaged),
+            number(drive.late),
+            number(drive.doubled),
         ]
-        .map(cell);
-        [&words.map(str::to_owned)[..], &numbers].concat()
     });
     [header.to_vec()].into_iter().chain(counts).collect()
 }
 
 /// A header, and how long each drive took for each kind of reply.
-fn reply_times(report: &Value) -> Vec<Vec<String>> {
+fn reply_times(drives: &[DriveReportDocument]) -> Vec<Vec<String>> {
     let header = [
         "ms to a reply",
         "to a",
@@ -349,39 +336,27 @@ fn reply_times(report: &Value) -> Vec<Vec<String>> {
         "suggested",
     ]
     .map(str::to_owned);
-    let times = all_drives(report).flat_map(|drive| {
-        let replies = drive["replies"].as_array().into_iter().flatten();
-        replies.map(|reply| {
-            let cell = |key: &str| number(&reply[key]);
-            let words = [
-                drive["name"].as_str().unwrap_or("?"),
-                reply["class"].as_str().unwrap_or("?"),
-            ];
-            let keys = [
-                "count",
-                "p50_ms",
-                "p90_ms",
-                "p99_ms",
-                "p999_ms",
-                "max_ms",
-                "timeout_ms",
-                "suggested_timeout_ms",
-            ];
-            [
-                &words.map(|word| word.replace('_', " "))[..],
-                &keys.map(cell),
+    let times = drives.iter().flat_map(|drive| {
+        drive.replies.iter().map(|reply| {
+            vec![
+                drive.name.replace('_', " "),
+                reply.class.replace('_', " "),
+                number(reply.count),
+                number(reply.p50_ms),
+                number(reply.p90_ms),
+                number(reply.p99_ms),
+                number(reply.p999_ms),
+                number(reply.max_ms),
+                number(reply.timeout_ms),
+                number(reply.suggested_timeout_ms),
             ]
-            .concat()
         })
     });
     [header.to_vec()].into_iter().chain(times).collect()
 }
 
-fn number(value: &Value) -> String {
-    match value {
-        Value::Number(number) => number.to_string(),
-        _ => "-".to_owned(),
-    }
+fn number(number: Option<impl Into<Value>>) -> String {
+    number.map_or_else(|| "-".to_owned(), |number| number.into().to_string())
 }
 
 /// `rows` with their columns under each other, the first two to the left and the rest, which are numbers, to the right.
@@ -413,6 +388,11 @@ fn table(rows: &[Vec<String>]) -> String {
 mod tests {
     use super::*;
 
+    /// A document as it is read from the wire.
+    fn told<T: DeserializeOwned>(json: Value) -> T {
+        serde_json::from_value(json).unwrap()
+    }
+
     #[test]
     fn a_report_is_reported_as_tables_with_what_to_do() {
         let replies = json!([{ "class": "stored_write", "count": 7, "p50_ms": 4.25, "p90_ms": 5.0, "p99_ms": 6.0,
@@ -431,13 +411,13 @@ mod tests {
             ms to a reply  to a          replies  50 %  90 %  99 %  99.9 %  longest  waited for  suggested\n  \
             pump-1         stored write        7  4.25   5.0   6.0     7.0      9.0       500.0          -\n  \
             problem: pump-1: check termination\n";
-        assert_eq!(text(&[report]), right);
+        assert_eq!(text(&[told(report)]), right);
     }
 
     #[test]
     fn what_is_wrong_with_the_gateway_itself_follows_the_lines() {
         let finding = json!({ "severity": "problem", "text": "the broker cannot be reached" });
-        let advice = [finding];
+        let advice = [told(finding)];
         let own = own_findings(&advice);
         assert_eq!(
             section("gateway", &own),
@@ -458,14 +438,11 @@ mod tests {
         ];
         let advice: Vec<_> = signs
             .iter()
-            .flat_map(|sign| ["a", "b"].map(|line| finding(line, sign)))
+            .flat_map(|sign| ["a", "b"].map(|line| told(finding(line, sign))))
             .collect();
-        let found = of_motion(&advice, &[json!({ "line": "a" })]);
+        let found = of_motion(&advice, &[told(json!({ "line": "a" }))]);
         assert_eq!(
-            found
-                .iter()
-                .map(|it| it["sign"].as_str().unwrap())
-                .collect::<Vec<_>>(),
+            found.iter().map(|it| &*it.known.sign).collect::<Vec<_>>(),
             signs[..4]
         );
         assert_eq!(
@@ -476,15 +453,16 @@ mod tests {
 
     #[test]
     fn what_another_version_does_not_say_is_not_made_up() {
-        let told = text(&[json!({})]);
+        let shown = text(&[told(json!({}))]);
         assert!(
-            told.starts_with("line ? (? on ?): ?, watched for - s\n"),
-            "{told}"
+            shown.starts_with("line ? (? on ?): ?, watched for - s\n"),
+            "{shown}"
         );
-        let told = line(&json!({ "link": null, "port": "modbus-tcp://10.0.0.7:502" }));
+        let report = json!({ "link": null, "port": "modbus-tcp://10.0.0.7:502" });
+        let shown = line(&told(report));
         assert!(
-            told.starts_with("line ? (modbus-tcp://10.0.0.7:502): "),
-            "{told}"
+            shown.starts_with("line ? (modbus-tcp://10.0.0.7:502): "),
+            "{shown}"
         );
     }
 

@@ -1,9 +1,9 @@
 //! `enable`: sets on a drive what it needs to obey the bus, after a person has seen old and new values.
 
 use crate::cli::tools::consent::ask_for_consent;
-use crate::cli::tools::setup::{self, items, judge, report, text, word_with_meaning};
+use crate::cli::tools::setup::{self, found_word, judge, report, word_with_meaning};
 use crate::cli::tools::{CommandFailure, print, socket};
-use serde_json::Value;
+use crate::north::api::SetupItemDocument;
 
 /// Arguments of `enable`.
 #[derive(Debug, clap::Args)]
@@ -20,16 +20,13 @@ pub struct Args {
 /// Sets what differs. The exit code says what was found afterwards.
 pub fn enable(args: &Args) -> Result<(), CommandFailure> {
     let drive = setup::SetupDrive::new(&args.drive, &args.place)?;
-    let before = drive.look()?;
-    if setup::is_another_drive(&before)
-        || items(&before).any(|item| item["result"] == "not_answered")
-    {
+    let before = drive.look()?.known;
+    let items = before.items.iter();
+    if setup::is_another_drive(&before) || items.clone().any(|item| item.result == "not_answered") {
         print(&report(&before))?;
         judge(&before)?;
     }
-    let wrong: Vec<_> = items(&before)
-        .filter(|item| item["result"] == "wrong")
-        .collect();
+    let wrong: Vec<_> = items.filter(|item| item.result == "wrong").collect();
     if wrong.is_empty() {
         print(&format!(
             "{}nothing to set over the line\n",
@@ -40,32 +37,27 @@ pub fn enable(args: &Args) -> Result<(), CommandFailure> {
     let changes = setup::table(wrong.iter().map(|item| change(item)));
     print(&format!(
         "drive {}, at standstill:\n{changes}",
-        text(&before, "drive")
+        before.drive
     ))?;
     if !args.yes {
         ask_for_consent()?;
     }
-    let address = |item: &&Value| {
-        item["address"]
-            .as_u64()
-            .and_then(|address| u16::try_from(address).ok())
-    };
-    let answer = drive.set(&wrong.iter().filter_map(address).collect::<Vec<_>>())?;
+    let answer = drive.set(wrong.iter().filter_map(|item| item.address).collect())?;
     print(&format!("{}\n", setup::outcome(&answer)))?;
-    let after = drive.look()?;
+    let after = drive.look()?.known;
     print(&report(&after))?;
     judge(&after)
 }
 
 /// Name, old word, and new word.
-fn change(item: &Value) -> [String; 3] {
-    let new = item["wanted"]
-        .as_array()
-        .and_then(|wanted| wanted.first())
+fn change(item: &SetupItemDocument) -> [String; 3] {
+    let new = item
+        .wanted
+        .first()
         .map_or_else(|| "?".to_owned(), word_with_meaning);
     [
-        text(item, "what").to_owned(),
-        text(item, "text").to_owned(),
-        format!("{} -> {new}", word_with_meaning(&item["found"])),
+        item.what.to_string(),
+        item.text.to_string(),
+        format!("{} -> {new}", found_word(&item.seen)),
     ]
 }

@@ -1,12 +1,17 @@
 //! `health`: asks the running gateway whether it is ready, or only whether it is alive.
 
 use crate::cli::tools::socket::{
-    self, SocketRequest, connect, exchange, exchange_bytes, unreachable, within,
+    self, SocketRequest, connect, document, exchange, exchange_bytes, unreachable, within,
 };
 use crate::cli::tools::unseen::unseen_row;
 use crate::cli::tools::{CommandFailure, WordTone, print, toned};
+use crate::north::api::{
+    BrokerHealthDocument, DriveHealthDocument, FailSafeDocument, HealthDocument,
+    HostHealthDocument, JournalHealthDocument, LineHealthDocument, OversizedDocument, PassedOn,
+    RefusedRegisterDocument,
+};
 use axum::http::{StatusCode, Uri};
-use serde_json::Value;
+use serde_json::json;
 use std::fmt::{self, Display, Write};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -57,22 +62,23 @@ pub fn health(args: &Args) -> Result<(), CommandFailure> {
     }
     let health = runtime.block_on(ask(&place)).map_err(failed)?;
     if args.active {
-        return print(&format!("{}\n", active(&health).map_err(failed)?));
+        return print(&format!("{}\n", active(&health.known).map_err(failed)?));
     }
     print(&if args.json {
-        format!("{health}\n")
+        format!("{}\n", json!(health))
     } else {
-        report(&health)
+        report(&health.known)
     })?;
+    let health = health.known;
     why_not_in_order(&health).map_or(Ok(()), |why| Err(failed(why)))
 }
 
 /// Why the gateway or a drive is not in order, the worst first; `None` if all are.
-fn why_not_in_order(health: &Value) -> Option<String> {
+fn why_not_in_order(health: &HealthDocument) -> Option<String> {
     let named = |what: &str, drives: Vec<&str>| {
         (!drives.is_empty()).then(|| format!("{what} {}", drives.join(", ")))
     };
-    let not_ready = || (health["ready"] != true).then(|| "not ready".to_owned());
+    let not_ready = || (!health.ready).then(|| "not ready".to_owned());
     named("a motor may still run unseen: go to", unseen(health))
         .or_else(not_ready)
         .or_else(|| named("nothing was ever read of", never_read(health)))
@@ -80,25 +86,30 @@ fn why_not_in_order(health: &Value) -> Option<String> {
 }
 
 /// The drives that are out of sight and may still run.
-fn unseen(health: &Value) -> Vec<&str> {
-    let drives = health["drives"].as_array().into_iter().flatten();
+fn unseen(health: &HealthDocument) -> Vec<&str> {
+    let drives = health.drives.iter();
     drives
-        .filter(|drive| drive["may_still_run"] == true)
-        .map(|drive| text_at(drive, "name"))
+        .filter(|drive| drive.may_still_run)
+        .map(|drive| &*drive.name)
         .collect()
 }
 
 /// The drives of which nothing was read since the start, on lines on which this gateway sends.
-fn never_read(health: &Value) -> Vec<&str> {
-    let items = |key: &str| health[key].as_array().into_iter().flatten();
-    let listens = |drive: &Value| {
-        items("lines")
-            .any(|line| line["name"] == drive["line"] && line["standby"]["role"] == "listening")
+fn never_read(health: &HealthDocument) -> Vec<&str> {
+    let listens = |drive: &DriveHealthDocument| {
+        let mut lines = health.lines.iter();
+        lines.any(|line| line.name == drive.line && role(line) == Some("listening"))
     };
-    let unread = items("drives").filter(|drive| drive["was_read"] == false && !listens(drive));
-    unread
-        .map(|drive| drive["name"].as_str().unwrap_or("?"))
+    let drives = health.drives.iter();
+    drives
+        .filter(|drive| drive.was_read == Some(false) && !listens(drive))
+        .map(|drive| &*drive.name)
         .collect()
+}
+
+/// The role of the gateway on `line`; `None` if it does not share it.
+fn role(line: &LineHealthDocument) -> Option<&str> {
+    line.standby.as_ref().map(|standby| &*standby.role)
 }
 
 /// Where the gateway is reached.
@@ -151,7 +162,7 @@ impl HealthUrl {
     }
 }
 
-async fn ask(place: &HealthSource) -> Result<Value, String> {
+async fn ask(place: &HealthSource) -> Result<PassedOn<HealthDocument>, String> {
     let question = SocketRequest::get(PATH);
     let answer = match place {
         HealthSource::Url(url) => {
@@ -163,7 +174,7 @@ async fn ask(place: &HealthSource) -> Result<Value, String> {
         HealthSource::Socket(path) => socket::ask(path, question, PATIENCE).await,
     };
     match answer? {
-        (StatusCode::OK, health) => Ok(health),
+        (StatusCode::OK, health) => document(health),
         (status, _) => Err(format!("{PATH} answers {status}")),
     }
 }
@@ -193,25 +204,18 @@ async fn sign_of_life(place: &HealthSource) -> Result<String, String> {
 
 /// That the gateway is the one that sends. An error says why it is not. Where it shares no line, it is alone and sends on
 /// all of them.
-fn active(health: &Value) -> Result<String, String> {
-    let lines = health["lines"]
-        .as_array()
-        .map(Vec::as_slice)
-        .unwrap_or_default();
-    let is_shared = lines.iter().any(|line| !line["standby"].is_null());
+fn active(health: &HealthDocument) -> Result<String, String> {
+    let lines = &health.lines;
+    let is_shared = lines.iter().any(|line| line.standby.is_some());
     let counts =
-        |line: &&Value| line["state"] == "up" && (!is_shared || !line["standby"].is_null());
-    let name = |line: &Value| line["name"].as_str().unwrap_or("?").to_owned();
+        |line: &&LineHealthDocument| line.state == "up" && (!is_shared || line.standby.is_some());
     let (sends, listens): (Vec<_>, Vec<_>) = lines
         .iter()
         .filter(counts)
-        .partition(|line| !is_shared || line["standby"]["role"] == "active");
-    let names = |lines: &[&Value]| {
-        lines
-            .iter()
-            .map(|line| name(line))
-            .collect::<Vec<_>>()
-            .join(", ")
+        .partition(|line| !is_shared || role(line) == Some("active"));
+    let names = |lines: &[&LineHealthDocument]| {
+        let names: Vec<_> = lines.iter().map(|line| &*line.name).collect();
+        names.join(", ")
     };
     match (sends.is_empty(), listens.is_empty()) {
         (false, true) => Ok(format!("active on {}", names(&sends))),
@@ -224,23 +228,21 @@ fn active(health: &Value) -> Result<String, String> {
 }
 
 /// The first register that a drive refuses to show although its run state or its trips are read there.
-fn essential_refused(health: &Value) -> Option<String> {
-    let drives = health["drives"].as_array()?;
-    drives.iter().find_map(|drive| {
-        let refused = drive["refused"]
-            .as_array()?
-            .iter()
-            .find(|it| it["essential"] == true)?;
-        let name = refused["name"]
-            .as_str()
-            .or(refused["register"].as_str())
-            .unwrap_or("?");
-        let code = refused["code"].as_u64().unwrap_or(0);
+fn essential_refused(health: &HealthDocument) -> Option<String> {
+    health.drives.iter().find_map(|drive| {
+        let refused = drive.refused.iter().find(|it| it.essential)?;
         Some(format!(
-            "drive {} refuses to show {name} (exception {code:02X})",
-            drive["name"].as_str().unwrap_or("?")
+            "drive {} refuses to show {} (exception {:02X})",
+            drive.name,
+            name_of(refused),
+            refused.code
         ))
     })
+}
+
+/// The register's name, or else its address.
+fn name_of(register: &RefusedRegisterDocument) -> &str {
+    register.name.as_deref().unwrap_or(&register.register)
 }
 
 /// `seconds` in the two largest units of days, hours, minutes and seconds.
@@ -266,45 +268,37 @@ fn state_of<'a>(word: &'a str, good: &[&'a str]) -> String {
 }
 
 /// The reason of a state, to follow its word; empty if there is none.
-fn reason_of(part: &Value) -> String {
-    part["reason"]
-        .as_str()
+fn followed(reason: Option<&str>) -> String {
+    reason
         .map(|reason| format!(": {reason}"))
         .unwrap_or_default()
 }
 
-fn line_row(line: &Value) -> String {
-    let word = |key: &str| line[key].as_str().unwrap_or("?");
+fn line_row(line: &LineHealthDocument) -> String {
     // A line that is down says why itself.
-    let suspicion = match line["suspicion"].as_str() {
-        Some(text) if line["reason"].is_null() => format!("; {text}"),
+    let suspicion = match &line.suspicion {
+        Some(text) if line.reason.is_none() => format!("; {text}"),
         _ => String::new(),
     };
-    let role = line["standby"]["role"]
-        .as_str()
+    let role = role(line)
         .map(|role| format!(", {role}"))
         .unwrap_or_default();
     format!(
         "line {}: {}{role}{}{suspicion}\n",
-        word("name"),
-        state_of(word("state"), &["up"]),
-        reason_of(line)
+        line.name,
+        state_of(&line.state, &["up"]),
+        followed(line.reason.as_deref())
     )
 }
 
 /// What `side` does not publish because it is larger than the broker takes, a line each.
-fn oversized(side: &str, health: &Value) -> String {
+fn oversized(side: &str, all: &[OversizedDocument]) -> String {
     /// Lines that are shown.
     const LINES_MAX: usize = 8;
-    let all = health["oversized"]
-        .as_array()
-        .map(Vec::as_slice)
-        .unwrap_or_default();
-    let line = |it: &Value| {
-        let topic = it["topic"].as_str().unwrap_or("?");
+    let line = |it: &OversizedDocument| {
         format!(
-            "{side}: {topic} is not published: {} bytes, and the broker takes {}\n",
-            it["bytes"], it["limit"]
+            "{side}: {} is not published: {} bytes, and the broker takes {}\n",
+            it.topic, it.bytes, it.limit
         )
     };
     let more = all.len().saturating_sub(LINES_MAX);
@@ -316,200 +310,172 @@ fn oversized(side: &str, health: &Value) -> String {
     all.iter().take(LINES_MAX).map(line).chain([more]).collect()
 }
 
-/// The text at `key`.
-fn text_at<'a>(of: &'a Value, key: &str) -> &'a str {
-    of[key].as_str().unwrap_or("?")
-}
-
 /// What is said of a drive.
-fn drive_row(drive: &Value) -> String {
-    let name = text_at(drive, "name");
-    let line = text_at(drive, "line");
-    let model = text_at(drive, "model");
-    let presence = state_of(text_at(drive, "presence"), &["online"]);
-    let run_state = match text_at(drive, "run_state") {
+fn drive_row(drive: &DriveHealthDocument) -> String {
+    let mut text = format!(
+        "drive {} ({} on {}): {}, ",
+        drive.name,
+        drive.model,
+        drive.line,
+        state_of(&drive.presence, &["online"])
+    );
+    text.push_str(&match &*drive.run_state {
         "tripped" => toned(WordTone::Problem, "tripped"),
         other => other.to_owned(),
-    };
-    let watchdog = drive["watchdog"]
-        .as_str()
-        .map(|state| format!(", its watchdog {}", state.replace('_', " ")));
-    let watchdog = watchdog.unwrap_or_default();
-    let warning = drive["warning"].as_str();
-    let warning = warning
-        .map(|text| format!(", {} {text}", toned(WordTone::Notice, "warns:")))
-        .unwrap_or_default();
-    let refused: Vec<_> = drive["refused"].as_array().into_iter().flatten().collect();
-    let refused: Vec<_> = refused
-        .iter()
-        .filter_map(|it| it["name"].as_str().or(it["register"].as_str()))
-        .collect();
-    let refused = if refused.is_empty() {
-        String::new()
-    } else {
-        format!(
-            ", {} {}",
-            toned(WordTone::Problem, "refuses to show"),
-            refused.join(", ")
-        )
-    };
-    let state = drive["undocumented_state"].as_str();
-    let state = state
-        .map(|text| {
-            format!(
-                ", {} {text}",
-                toned(WordTone::Notice, "undocumented state:")
-            )
-        })
-        .unwrap_or_default();
-    let motion = motion_of(drive);
-    let site: Vec<_> = drive["site"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .filter_map(Value::as_str)
-        .collect();
-    let site = if site.is_empty() {
-        String::new()
-    } else {
-        format!(", qualified at the site: {}", site.join(", "))
-    };
-    format!(
-        "drive {name} ({model} on {line}): {presence}, {run_state}{motion}{watchdog}{warning}{state}{refused}{site}\n"
-    )
+    });
+    text.push_str(&motion_of(drive));
+    // Writing to a String cannot fail.
+    if let Some(state) = &drive.watchdog {
+        let _ = write!(text, ", its watchdog {}", state.replace('_', " "));
+    }
+    if let Some(warning) = &drive.warning {
+        let _ = write!(text, ", {} {warning}", toned(WordTone::Notice, "warns:"));
+    }
+    if let Some(state) = &drive.undocumented_state {
+        let told = toned(WordTone::Notice, "undocumented state:");
+        let _ = write!(text, ", {told} {state}");
+    }
+    let refused: Vec<_> = drive.refused.iter().map(name_of).collect();
+    if !refused.is_empty() {
+        let told = toned(WordTone::Problem, "refuses to show");
+        let _ = write!(text, ", {told} {}", refused.join(", "));
+    }
+    let site = drive.site.as_deref().unwrap_or_default();
+    if !site.is_empty() {
+        let _ = write!(text, ", qualified at the site: {}", site.join(", "));
+    }
+    text.push('\n');
+    text
 }
 
 /// What is not as it was ordered.
-fn motion_of(drive: &Value) -> String {
-    let action = text_at(&drive["failsafe"], "action");
-    let came = match drive["failsafe"]["stage"].as_str() {
-        Some("due") => format!("the declared action ({action}) is due and nothing was sent"),
-        Some("sent") => format!("the declared action ({action}) was sent and shows no effect yet"),
-        Some("given_up") => format!("the declared action ({action}) was given up"),
-        _ => String::new(),
-    };
-    let is = |key: &str, text: &str| {
-        if drive[key] == true {
-            text.to_owned()
-        } else {
-            String::new()
+fn motion_of(drive: &DriveHealthDocument) -> String {
+    let mut parts = Vec::new();
+    if drive.output_outside == Some(true) {
+        parts.push("its output is outside the limits or far from the setpoint".to_owned());
+    }
+    if drive.stopped_elsewhere == Some(true) {
+        parts.push("stopped elsewhere: only a new order starts it".to_owned());
+    }
+    if let Some(FailSafeDocument { action, stage, .. }) = &drive.failsafe {
+        match &**stage {
+            "due" => parts.push(format!(
+                "the declared action ({action}) is due and nothing was sent"
+            )),
+            "sent" => parts.push(format!(
+                "the declared action ({action}) was sent and shows no effect yet"
+            )),
+            "given_up" => parts.push(format!("the declared action ({action}) was given up")),
+            _ => {}
         }
-    };
-    let outside = is(
-        "output_outside",
-        "its output is outside the limits or far from the setpoint",
-    );
-    let parts = [
-        outside,
-        is(
-            "stopped_elsewhere",
-            "stopped elsewhere: only a new order starts it",
-        ),
-        came,
-    ];
+    }
     parts
         .iter()
-        .filter(|it| !it.is_empty())
         .map(|it| format!(", {}", toned(WordTone::Problem, it)))
         .collect()
 }
 
-/// What is said of the MQTT broker; empty without one.
-fn mqtt_rows(mqtt: &Value) -> String {
-    let Some(connected) = mqtt["connected"].as_bool() else {
-        return String::new();
-    };
+/// What is said of the MQTT broker.
+fn mqtt_rows(mqtt: &BrokerHealthDocument) -> String {
     let mut text = String::new();
-    let rival = if mqtt["contested"] == true {
+    let rival = if mqtt.contested {
         "; another client has the same client identifier: give each its own, with `client_id`"
     } else {
         ""
     };
-    let lost = reason_of(mqtt);
+    let state = if mqtt.connected {
+        "connected"
+    } else {
+        "not connected"
+    };
     let _ = writeln!(
         text,
-        "mqtt: {}{lost}{rival}",
-        state_of(
-            if connected {
-                "connected"
-            } else {
-                "not connected"
-            },
-            &["connected"]
-        )
+        "mqtt: {}{}{rival}",
+        state_of(state, &["connected"]),
+        followed(mqtt.reason.as_deref())
     );
-    text.push_str(&oversized("mqtt", mqtt));
-    if let Some(topic) = mqtt["clients_gone"].as_str() {
+    text.push_str(&oversized("mqtt", &mqtt.oversized));
+    if let Some(topic) = &mqtt.clients_gone {
         let _ = writeln!(
             text,
             "mqtt: {topic} says that the clients of the broker are offline: what MQTT holds is given up after \
              `lost_after`"
         );
     }
-    if let Some(refused) = mqtt["events_refused"]
-        .as_u64()
-        .filter(|refused| *refused > 0)
-    {
+    if mqtt.events_refused > 0 {
         let _ = writeln!(
             text,
-            "mqtt: the broker refused {refused} trip events; see the log"
+            "mqtt: the broker refused {} trip events; see the log",
+            mqtt.events_refused
         );
     }
     text
 }
 
+/// What is said of the Sparkplug hosts.
+fn sparkplug_rows(sparkplug: &HostHealthDocument) -> String {
+    let state = match (sparkplug.connected, sparkplug.host_awaited) {
+        (true, _) => "published to its hosts",
+        (false, true) if sparkplug.host_behind_ms.is_some() => {
+            "waits for its primary host, whose STATE message is older than one before: its clock was ahead"
+        }
+        (false, true) => "waits for its primary host",
+        (false, false) => "not connected",
+    };
+    let state = state_of(state, &["published to its hosts"]);
+    format!(
+        "sparkplug: {state}{}\n{}",
+        followed(sparkplug.reason.as_deref()),
+        oversized("sparkplug", &sparkplug.oversized)
+    )
+}
+
+/// What is said of the journal.
+fn journal_rows(journal: &JournalHealthDocument) -> String {
+    let state = state_of(&journal.state, &["ok"]);
+    let mut text = format!("journal: {state}{}\n", followed(journal.reason.as_deref()));
+    if let Some(aside) = &journal.moved_aside {
+        let _ = writeln!(text, "journal: a damaged journal was moved to {aside}");
+    }
+    if let Some(what) = &journal.replaced {
+        let _ = writeln!(text, "journal: {what}");
+    }
+    text
+}
+
 /// The answer for people. Missing values are shown as `?`: another version may send less.
-fn report(health: &Value) -> String {
-    let items = |key: &str| health[key].as_array().into_iter().flatten();
-    let mut text = String::new();
-    let uptime = span(health["uptime_seconds"].as_u64().unwrap_or(0));
-    let _ = writeln!(
-        text,
-        "gateway {}: version {}, up {uptime}",
-        text_at(health, "gateway"),
-        text_at(health, "version")
+fn report(health: &HealthDocument) -> String {
+    let drives = health.drives.iter();
+    let mut text = format!(
+        "gateway {}: version {}, up {}\n",
+        health.gateway,
+        health.version,
+        span(health.uptime_seconds)
     );
-    text.extend(items("lines").map(line_row));
+    text.extend(health.lines.iter().map(line_row));
     text.extend(
-        items("drives")
-            .filter(|drive| drive["may_still_run"] == true)
+        drives
+            .clone()
+            .filter(|drive| drive.may_still_run)
             .map(unseen_row),
     );
-    text.extend(items("drives").map(drive_row));
-    text.push_str(&mqtt_rows(&health["mqtt"]));
-    if let Some(connected) = health["sparkplug"]["connected"].as_bool() {
-        let state = match (connected, health["sparkplug"]["host_awaited"] == true) {
-            (true, _) => "published to its hosts",
-            (false, true) if health["sparkplug"]["host_behind_ms"].is_u64() => {
-                "waits for its primary host, whose STATE message is older than one before: its clock was ahead"
-            }
-            (false, true) => "waits for its primary host",
-            (false, false) => "not connected",
-        };
-        let state = state_of(state, &["published to its hosts"]);
-        let _ = writeln!(
-            text,
-            "sparkplug: {state}{}",
-            reason_of(&health["sparkplug"])
-        );
-        text.push_str(&oversized("sparkplug", &health["sparkplug"]));
-    }
-    if let Some(state) = health["journal"]["state"].as_str() {
-        let state = state_of(state, &["ok"]);
-        let _ = writeln!(text, "journal: {state}{}", reason_of(&health["journal"]));
-        if let Some(aside) = health["journal"]["moved_aside"].as_str() {
-            let _ = writeln!(text, "journal: a damaged journal was moved to {aside}");
-        }
-        if let Some(what) = health["journal"]["replaced"].as_str() {
-            let _ = writeln!(text, "journal: {what}");
-        }
-    }
+    text.extend(drives.map(drive_row));
+    text.extend(health.mqtt.as_ref().map(mqtt_rows));
+    text.extend(health.sparkplug.as_ref().map(sparkplug_rows));
+    text.extend(health.journal.as_ref().map(journal_rows));
     text
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde::de::DeserializeOwned;
+    use serde_json::Value;
+
+    /// A document as it is read from the wire.
+    fn told<T: DeserializeOwned>(json: Value) -> T {
+        serde_json::from_value(json).unwrap()
+    }
 
     #[test]
     fn spans_are_in_units_that_people_use() {
@@ -527,14 +493,14 @@ mod tests {
 
     /// A line in `state`, with the role on it if it is shared.
     fn line(name: &str, state: &str, role: Option<&str>) -> Value {
-        let standby = role.map_or(Value::Null, |role| serde_json::json!({ "role": role }));
-        serde_json::json!({ "name": name, "state": state, "standby": standby })
+        let standby = role.map_or(Value::Null, |role| json!({ "role": role }));
+        json!({ "name": name, "state": state, "standby": standby })
     }
 
     #[test]
     fn a_gateway_is_active_where_it_sends_on_each_line_that_it_can_use() {
         let (sends, listens) = (Some("active"), Some("listening"));
-        for (lines, told) in [
+        for (lines, expected) in [
             (vec![line("a", "up", sends)], Ok("active on a")),
             (
                 vec![line("a", "up", sends), line("b", "up", sends)],
@@ -567,10 +533,10 @@ mod tests {
             ),
             (vec![], Err("not active: no line can be used")),
         ] {
-            let found = active(&serde_json::json!({ "lines": lines }));
+            let found = active(&told(json!({ "lines": lines })));
             assert_eq!(
                 found,
-                told.map(str::to_owned).map_err(str::to_owned),
+                expected.map(str::to_owned).map_err(str::to_owned),
                 "{lines:?}"
             );
         }
@@ -582,8 +548,8 @@ mod tests {
             line("a", "up", Some("active")),
             line("b", "up", Some("listening")),
         ];
-        let drive = |name: &str, line: &str, was_read: bool| serde_json::json!({ "name": name, "line": line, "was_read": was_read });
-        let old = serde_json::json!({ "name": "of an earlier version", "line": "a" });
+        let drive = |name: &str, line: &str, was_read: bool| json!({ "name": name, "line": line, "was_read": was_read });
+        let old = json!({ "name": "of an earlier version", "line": "a" });
         let drives = [
             drive("one", "a", true),
             drive("two", "a", false),
@@ -591,17 +557,17 @@ mod tests {
             old,
         ];
         assert_eq!(
-            never_read(&serde_json::json!({ "lines": lines, "drives": drives })),
+            never_read(&told(json!({ "lines": lines, "drives": drives }))),
             ["two"]
         );
-        assert_eq!(never_read(&serde_json::json!({})), [""; 0]);
+        assert_eq!(never_read(&HealthDocument::default()), [""; 0]);
     }
 
     #[test]
     fn what_is_too_large_for_the_broker_is_named_with_size_and_limit() {
-        let one = |n: u32| serde_json::json!({ "topic": format!("vfd/a/{n}"), "bytes": 2500, "limit": 2000 });
-        let health = serde_json::json!({ "mqtt": { "connected": true, "oversized": [one(1)] } });
-        let shown = report(&health);
+        let one = |n: u32| json!({ "topic": format!("vfd/a/{n}"), "bytes": 2500, "limit": 2000 });
+        let health = json!({ "mqtt": { "connected": true, "oversized": [one(1)] } });
+        let shown = report(&told(health));
         assert!(
             shown.contains(
                 "mqtt: vfd/a/1 is not published: 2500 bytes, and the broker takes 2000\n"
@@ -609,24 +575,23 @@ mod tests {
             "{shown}"
         );
         let many: Vec<_> = (0..11).map(one).collect();
-        assert!(
-            oversized("mqtt", &serde_json::json!({ "oversized": many }))
-                .ends_with("mqtt: and 3 more\n")
-        );
+        assert!(oversized("mqtt", &told::<Vec<_>>(json!(many))).ends_with("mqtt: and 3 more\n"));
     }
 
     #[test]
     fn a_drive_that_may_run_unseen_is_told_first_and_with_what_was_seen() {
-        let drive = |seen: Value| serde_json::json!({ "name": "pump-1", "may_still_run": true, "last_seen": seen });
-        let seen = serde_json::json!({ "run_state": "forward", "output_hz": 42.5, "at": "2026-01-02T03:04:05.678Z" });
-        let told = "drive pump-1 MAY STILL RUN: last seen forward at 42.50 Hz, 2026-01-02T03:04:05.678Z; go to the drive\n";
-        assert_eq!(unseen_row(&drive(seen)), told);
+        let drive =
+            |seen: Value| json!({ "name": "pump-1", "may_still_run": true, "last_seen": seen });
+        let seen =
+            json!({ "run_state": "forward", "output_hz": 42.5, "at": "2026-01-02T03:04:05.678Z" });
+        let row = "drive pump-1 MAY STILL RUN: last seen forward at 42.50 Hz, 2026-01-02T03:04:05.678Z; go to the drive\n";
+        assert_eq!(unseen_row(&told(drive(seen))), row);
         assert_eq!(
-            unseen_row(&drive(Value::Null)),
+            unseen_row(&told(drive(Value::Null))),
             "drive pump-1 MAY STILL RUN; go to the drive\n"
         );
-        let report =
-            report(&serde_json::json!({ "drives": [{ "name": "fan-2" }, drive(Value::Null)] }));
+        let drives = json!([{ "name": "fan-2" }, drive(Value::Null)]);
+        let report = report(&told(json!({ "drives": drives })));
         assert!(
             report.find("MAY STILL RUN") < report.find("drive fan-2"),
             "{report}"
@@ -636,8 +601,9 @@ mod tests {
     #[test]
     fn a_gateway_whose_motor_may_run_unseen_is_not_in_order() {
         let health = |may_still_run: bool, ready: bool| {
-            let drive = serde_json::json!({ "name": "pump-1", "was_read": true, "may_still_run": may_still_run });
-            serde_json::json!({ "ready": ready, "drives": [drive] })
+            let drive =
+                json!({ "name": "pump-1", "was_read": true, "may_still_run": may_still_run });
+            told(json!({ "ready": ready, "drives": [drive] }))
         };
         assert_eq!(why_not_in_order(&health(false, true)), None);
         assert_eq!(
@@ -655,30 +621,27 @@ mod tests {
 
     #[test]
     fn what_a_drive_does_against_its_order_is_named() {
-        let told = |key: &str, value: Value| drive_row(&serde_json::json!({ key: value }));
-        assert!(told("output_outside", true.into()).contains("outside the limits"));
-        assert!(told("stopped_elsewhere", true.into()).contains("stopped elsewhere"));
-        let stage = |stage: &str| {
-            told(
-                "failsafe",
-                serde_json::json!({ "action": "stop", "stage": stage }),
-            )
-        };
+        let row = |key: &str, value: Value| drive_row(&told(json!({ key: value })));
+        assert!(row("output_outside", true.into()).contains("outside the limits"));
+        assert!(row("stopped_elsewhere", true.into()).contains("stopped elsewhere"));
+        let stage = |stage: &str| row("failsafe", json!({ "action": "stop", "stage": stage }));
         assert!(
             stage("due").contains("the declared action (stop) is due"),
             "{}",
             stage("due")
         );
-        assert_eq!(stage("effective"), told("failsafe", Value::Null));
+        assert_eq!(stage("effective"), row("failsafe", Value::Null));
     }
 
     #[test]
     fn a_drive_that_does_not_show_its_run_state_is_not_in_order() {
-        let register = |essential: bool| serde_json::json!({ "name": "output", "register": "0x3001", "code": 2, "essential": essential });
-        let health = |essential| serde_json::json!({ "drives": [{ "name": "a", "refused": [register(essential)] }] });
+        let register = |essential: bool| json!({ "name": "output", "register": "0x3001", "code": 2, "essential": essential });
+        let health = |essential| {
+            told(json!({ "drives": [{ "name": "a", "refused": [register(essential)] }] }))
+        };
         assert_eq!(essential_refused(&health(false)), None);
-        let told = "drive a refuses to show output (exception 02)";
-        assert_eq!(essential_refused(&health(true)).as_deref(), Some(told));
+        let why = "drive a refuses to show output (exception 02)";
+        assert_eq!(essential_refused(&health(true)).as_deref(), Some(why));
         assert!(
             report(&health(false)).contains("refuses to show output"),
             "{}",
@@ -689,9 +652,9 @@ mod tests {
     #[test]
     fn a_shared_line_is_shown_with_the_role() {
         assert_eq!(
-            line_row(&line("a", "up", Some("listening"))),
+            line_row(&told(line("a", "up", Some("listening")))),
             "line a: up, listening\n"
         );
-        assert_eq!(line_row(&line("a", "up", None)), "line a: up\n");
+        assert_eq!(line_row(&told(line("a", "up", None))), "line a: up\n");
     }
 }

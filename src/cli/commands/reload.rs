@@ -1,8 +1,8 @@
 //! `reload`: makes the running gateway read its configuration file again.
 
 use crate::cli::tools::{CommandFailure, print, socket};
-use axum::http::{Method, StatusCode};
-use serde_json::Value;
+use crate::north::api::{ConfigurationChange, ConfigurationWarning, RefusedReload, ReloadDocument};
+use axum::http::StatusCode;
 use std::time::Duration;
 
 /// Longer than a reload takes, including the stops of removed drives and the shutdown of their lines.
@@ -25,20 +25,18 @@ pub fn reload(args: &Args) -> Result<(), CommandFailure> {
         .enable_all()
         .build()
         .map_err(CommandFailure::failed)?;
-    let question = socket::SocketRequest {
-        method: Method::POST,
-        path: "/api/v1/reload",
-        body: None,
-    };
+    let question = socket::SocketRequest::post("/api/v1/reload");
     let answer = runtime.block_on(socket::ask(&socket, question, PATIENCE));
     let (status, answer) =
         answer.map_err(|error| CommandFailure::failed(format!("{}: {error}", socket.display())))?;
     if args.json {
         print(&format!("{answer}\n"))?;
     } else if status.is_success() {
-        print(&reload_message(&answer))?;
+        let done = socket::document(answer.clone()).map_err(CommandFailure::failed)?;
+        print(&reload_message(&done))?;
     }
-    let message = answer["message"].as_str().unwrap_or_default();
+    let RefusedReload { message, .. } = socket::refusal(answer);
+    let message = message.unwrap_or_default();
     match status {
         StatusCode::OK => Ok(()),
         StatusCode::UNPROCESSABLE_ENTITY => Err(CommandFailure::wrong(format!(
@@ -50,34 +48,18 @@ pub fn reload(args: &Args) -> Result<(), CommandFailure> {
     }
 }
 
-fn reload_message(answer: &Value) -> String {
-    let all = |key: &str| {
-        answer[key]
-            .as_array()
-            .map(Vec::as_slice)
-            .unwrap_or_default()
+fn reload_message(done: &ReloadDocument) -> String {
+    let warning = |it: &ConfigurationWarning| {
+        let right = it.right.as_deref().unwrap_or_default();
+        format!("warning: {}: {}; {right}\n", it.key, it.what)
     };
-    let of = |value: &Value, key: &str| value[key].as_str().unwrap_or_default().to_owned();
-    let warning = |it: &Value| {
-        format!(
-            "warning: {}: {}; {}\n",
-            of(it, "key"),
-            of(it, "what"),
-            of(it, "right")
-        )
-    };
-    let warnings: String = all("warnings").iter().map(warning).collect();
-    let changes = all("changes");
-    if changes.is_empty() {
+    let warnings: String = done.warnings.iter().map(warning).collect();
+    if done.changes.is_empty() {
         return format!("{warnings}reloaded; nothing is different\n");
     }
-    let line = |change: &Value| {
-        let text = |key: &str| of(change, key);
-        let name = change["name"]
-            .as_str()
-            .map(|name| format!(" {name}"))
-            .unwrap_or_default();
-        format!("{}{name}: {}\n", text("part"), text("change"))
+    let line = |it: &ConfigurationChange| match &it.name {
+        Some(name) => format!("{} {name}: {}\n", it.part, it.change),
+        None => format!("{}: {}\n", it.part, it.change),
     };
-    warnings + &changes.iter().map(line).collect::<String>()
+    warnings + &done.changes.iter().map(line).collect::<String>()
 }

@@ -2,7 +2,11 @@
 
 use crate::cli::tools::socket::{self, SocketArgs, SocketRequest};
 use crate::cli::tools::{CommandFailure, WordTone, print, toned};
-use axum::http::{Method, StatusCode};
+use crate::north::api::{
+    ErrorDocument, HandOverBody, HandOverDocument, HealthDocument, LineHealthDocument,
+    UnknownLineDocument,
+};
+use axum::http::StatusCode;
 use serde_json::{Value, json};
 use std::time::Duration;
 
@@ -84,40 +88,30 @@ fn status(args: &LookArgs) -> Result<(), CommandFailure> {
             "the gateway answers {status}"
         )));
     }
-    let lines = health["lines"]
-        .as_array()
-        .map(Vec::as_slice)
-        .unwrap_or_default();
+    let health: HealthDocument = socket::document(health).map_err(CommandFailure::failed)?;
+    let lines = health.lines.iter();
     if args.json {
         let lines: Vec<_> = lines
-            .iter()
-            .map(|line| json!({ "name": line["name"], "state": line["state"], "standby": line["standby"] }))
+            .map(|line| json!({ "name": line.name, "state": line.state, "standby": line.standby }))
             .collect();
         return print(&format!("{}\n", json!({ "lines": lines })));
     }
-    print(&lines.iter().map(row).collect::<String>())
+    print(&lines.map(row).collect::<String>())
 }
 
 /// One line for people.
-fn row(line: &Value) -> String {
-    let name = line["name"].as_str().unwrap_or("?");
-    let standby = &line["standby"];
-    if standby.is_null() {
+fn row(line: &LineHealthDocument) -> String {
+    let name = &line.name;
+    let Some(standby) = &line.standby else {
         return format!("line {name}: no second gateway\n");
-    }
-    let word = |key: &str| standby[key].as_str().unwrap_or("?");
-    let count = |key: &str| standby[key].as_u64().unwrap_or_default();
-    let partner = word("partner");
-    let listens = match standby["listener"].as_bool() {
+    };
+    let partner = standby.partner.as_deref().unwrap_or("?");
+    let listens = match standby.listener {
         Some(true) => format!("{partner} would take over"),
         Some(false) => toned(WordTone::Problem, &format!("{partner} does not answer")),
         None => format!("whether {partner} would take over is not known yet"),
     };
-    let state = match (
-        word("role"),
-        standby["hears_other"] == true,
-        line["state"] == "up",
-    ) {
+    let state = match (&*standby.role, standby.hears_other, line.state == "up") {
         (_, _, false) => format!(
             "{}; nothing can be heard",
             toned(WordTone::Problem, "the port cannot be used")
@@ -138,77 +132,66 @@ fn row(line: &Value) -> String {
     };
     format!(
         "line {name}: {} is {state}; taken over {}, given up {}, rivals {}\n",
-        word("half"),
-        count("take_overs"),
-        count("given_up"),
-        count("rivals")
+        standby.half.as_deref().unwrap_or("?"),
+        standby.take_overs,
+        standby.given_up,
+        standby.rivals
     )
 }
 
 fn hand_over(args: &YieldArgs) -> Result<(), CommandFailure> {
-    let body = args
-        .line
-        .as_ref()
-        .map_or(Value::Null, |line| json!({ "line": line }));
-    let question = SocketRequest {
-        method: Method::POST,
-        path: "/api/v1/standby/yield",
-        body: Some(&body),
-    };
+    let question = SocketRequest::post("/api/v1/standby/yield").with(&HandOverBody {
+        line: args.line.clone(),
+    });
     let (status, answer) = ask(&args.place, question, HAND_OVER_PATIENCE)?;
     if args.json {
         print(&format!("{answer}\n"))?;
     } else if status == StatusCode::OK || status == StatusCode::CONFLICT {
-        print(&yield_message(&answer))?;
+        let ended = socket::document(answer.clone()).map_err(CommandFailure::failed)?;
+        print(&yield_message(&ended))?;
     }
     match status {
         StatusCode::OK => Ok(()),
         StatusCode::CONFLICT => Err(CommandFailure::failed("not all lines were handed over")),
-        StatusCode::NOT_FOUND => Err(CommandFailure::wrong(format!(
-            "{}; {}",
-            error(&answer),
-            known(&answer)
-        ))),
-        status => Err(CommandFailure::failed(format!(
-            "the gateway answers {status}: {}",
-            error(&answer)
-        ))),
+        StatusCode::NOT_FOUND => Err(CommandFailure::wrong(unknown(&socket::refusal(answer)))),
+        status => {
+            let ErrorDocument { error } = socket::refusal(answer);
+            Err(CommandFailure::failed(format!(
+                "the gateway answers {status}: {}",
+                error.as_deref().unwrap_or("?")
+            )))
+        }
     }
 }
 
-fn error(answer: &Value) -> &str {
-    answer["error"].as_str().unwrap_or("?")
-}
-
-fn known(answer: &Value) -> String {
-    let lines: Vec<_> = answer["lines"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .filter_map(Value::as_str)
-        .collect();
-    format!("the lines are {}", lines.join(", "))
+fn unknown(answer: &UnknownLineDocument) -> String {
+    format!(
+        "{}; the lines are {}",
+        answer.error,
+        answer.lines.join(", ")
+    )
 }
 
 /// What came of each line, for people.
-fn yield_message(answer: &Value) -> String {
-    let lines = answer["lines"]
-        .as_array()
-        .map(Vec::as_slice)
-        .unwrap_or_default();
-    if lines.is_empty() {
+fn yield_message(answer: &HandOverDocument) -> String {
+    if answer.lines.is_empty() {
         return "no line has a second gateway: there is nothing to hand over\n".to_owned();
     }
-    let word = |line: &Value, key: &str| line[key].as_str().unwrap_or("?").to_owned();
+    let lines = answer.lines.iter();
     lines
-        .iter()
-        .map(|line| format!("line {}: {}\n", word(line, "line"), word(line, "message")))
+        .map(|it| format!("line {}: {}\n", it.line, it.message))
         .collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde::de::DeserializeOwned;
+
+    /// A document as it is read from the wire.
+    fn told<T: DeserializeOwned>(json: Value) -> T {
+        serde_json::from_value(json).unwrap()
+    }
 
     fn line(state: &str, role: &str, hears_other: bool, listener: Option<bool>) -> Value {
         json!({ "name": "hall-1", "state": state, "standby": {
@@ -220,7 +203,7 @@ mod tests {
     #[test]
     fn each_role_is_a_row() {
         let counts = "taken over 3, given up 2, rivals 1";
-        for (state, role, hears, listener, told) in [
+        for (state, role, hears, listener, expected) in [
             (
                 "up",
                 "active",
@@ -266,19 +249,23 @@ mod tests {
             ),
         ] {
             assert_eq!(
-                row(&line(state, role, hears, listener)),
-                format!("line hall-1: a is {told}; {counts}\n")
+                row(&told(line(state, role, hears, listener))),
+                format!("line hall-1: a is {expected}; {counts}\n")
             );
         }
         let alone = json!({ "name": "hall-2", "state": "up", "standby": null });
-        assert_eq!(row(&alone), "line hall-2: no second gateway\n");
+        assert_eq!(row(&told(alone)), "line hall-2: no second gateway\n");
     }
 
     #[test]
     fn each_line_says_what_came_of_it() {
         let answer = json!({ "yielded": true, "lines": [{ "line": "hall-1", "outcome": "handed_over", "message": "done" }] });
-        assert_eq!(yield_message(&answer), "line hall-1: done\n");
-        assert!(yield_message(&json!({ "lines": [] })).contains("nothing to hand over"));
-        assert_eq!(known(&json!({ "lines": ["a", "b"] })), "the lines are a, b");
+        assert_eq!(yield_message(&told(answer)), "line hall-1: done\n");
+        assert!(yield_message(&told(json!({ "lines": [] }))).contains("nothing to hand over"));
+        let refused = json!({ "error": "there is no line `c`", "lines": ["a", "b"] });
+        assert_eq!(
+            unknown(&told(refused)),
+            "there is no line `c`; the lines are a, b"
+        );
     }
 }

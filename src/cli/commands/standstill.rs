@@ -5,8 +5,9 @@ use crate::cli::tools::socket::{self, SocketArgs, SocketRequest};
 use crate::cli::tools::unseen::unseen_row;
 use crate::cli::tools::{CommandFailure, print, setup};
 use crate::domain::ids::Name;
-use axum::http::{Method, StatusCode};
-use serde_json::{Value, json};
+use crate::north::api::{ErrorDocument, HealthDocument};
+use axum::http::StatusCode;
+use serde_json::Value;
 use std::time::Duration;
 
 /// Longest time for an answer.
@@ -42,53 +43,52 @@ pub fn standstill(args: &Args) -> Result<(), CommandFailure> {
     };
     if !args.yes {
         let (_, health) = answered(SocketRequest::get("/api/v1/health"))?;
-        print(&last_seen(&health, name.as_str()))?;
+        print(&last_seen(
+            &socket::document(health).unwrap_or_default(),
+            name.as_str(),
+        ))?;
         ask(
             "have you looked, and does the motor stand?",
             "nothing was confirmed",
         )?;
     }
     let path = format!("/api/v1/drives/{name}/standstill");
-    let body = json!({});
-    let (status, answer) = answered(SocketRequest {
-        method: Method::POST,
-        path: &path,
-        body: Some(&body),
-    })?;
+    let (status, answer) = answered(SocketRequest::post(&path))?;
     match status {
         StatusCode::OK => print(&format!(
             "drive {name}: confirmed that the motor stands; a stop that is pending stays\n"
         )),
-        StatusCode::NOT_FOUND => Err(CommandFailure::wrong(setup::unknown(&answer))),
+        StatusCode::NOT_FOUND => Err(CommandFailure::wrong(setup::unknown(answer))),
         status => Err(CommandFailure::failed(format!(
             "drive {name}: {}",
-            why(status, &answer)
+            why(status, answer)
         ))),
     }
 }
 
 /// What was last seen of the drive; empty if it does not run out of sight.
-fn last_seen(health: &Value, name: &str) -> String {
-    let drives = health["drives"].as_array().into_iter().flatten();
-    let mut unseen = drives.filter(|drive| drive["name"] == name && drive["may_still_run"] == true);
+fn last_seen(health: &HealthDocument, name: &str) -> String {
+    let drives = health.drives.iter();
+    let mut unseen = drives.filter(|drive| drive.name == *name && drive.may_still_run);
     unseen.next().map(unseen_row).unwrap_or_default()
 }
 
 /// Why it was not confirmed.
-fn why(status: StatusCode, answer: &Value) -> String {
-    answer["error"]
-        .as_str()
-        .map_or_else(|| format!("the gateway answers {status}"), str::to_owned)
+fn why(status: StatusCode, answer: Value) -> String {
+    let ErrorDocument { error } = socket::refusal(answer);
+    error.unwrap_or_else(|| format!("the gateway answers {status}"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::json;
 
     #[test]
     fn who_confirms_is_shown_what_was_last_seen_of_that_drive() {
         let drive = |name: &str| json!({ "name": name, "may_still_run": true, "last_seen": null });
         let health = json!({ "drives": [drive("pump-1"), drive("pump-2"), { "name": "fan", "may_still_run": false }] });
+        let health = serde_json::from_value(health).unwrap();
         assert_eq!(
             last_seen(&health, "pump-2"),
             "drive pump-2 MAY STILL RUN; go to the drive\n"
@@ -101,12 +101,12 @@ mod tests {
         assert_eq!(
             why(
                 StatusCode::CONFLICT,
-                &json!({ "error": "nothing to confirm" })
+                json!({ "error": "nothing to confirm" })
             ),
             "nothing to confirm"
         );
         assert_eq!(
-            why(StatusCode::BAD_GATEWAY, &Value::Null),
+            why(StatusCode::BAD_GATEWAY, Value::Null),
             "the gateway answers 502 Bad Gateway"
         );
     }

@@ -10,8 +10,9 @@ use crate::daemon::journal::days::{COLUMNS, DayRow, each};
 use crate::daemon::journal::file_in;
 use crate::daemon::journal::reader::connect;
 use crate::domain::ids::Name;
-use axum::http::{Method, StatusCode};
-use serde_json::Value;
+use crate::north::api::{UsageDocument, UsageResetDocument};
+use axum::http::StatusCode;
+use serde_json::json;
 use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
 use std::time::Duration;
@@ -89,7 +90,7 @@ fn show(directory: &Path, args: &Args) -> Result<(), CommandFailure> {
             (true, _) => days.iter().map(DayRow::in_csv).collect(),
             (_, true) => days
                 .iter()
-                .map(|day| day.in_json().to_string() + "\n")
+                .map(|day| json!(day.document()).to_string() + "\n")
                 .collect(),
             _ => table(drive, days),
         };
@@ -103,21 +104,16 @@ fn table(drive: &str, days: &VecDeque<DayRow>) -> String {
     let mut text =
         format!("{drive}\n  day         energy kWh  from     running h  starts  trips\n");
     for day in days {
-        let row = day.in_json();
-        let decimals = |key: &str| {
-            row[key]
-                .as_f64()
-                .map_or_else(|| "-".to_owned(), |number| format!("{number:.2}"))
-        };
-        let word = |key: &str| row[key].as_str().unwrap_or("-").to_owned();
+        let row = day.document();
+        let energy = row.energy_kwh;
+        let energy = energy.map_or_else(|| "-".to_owned(), |energy| format!("{energy:.2}"));
         text += &format!(
-            "  {}  {:>10}  {:7}  {:>9}  {:>6}  {:>5}\n",
-            word("day"),
-            decimals("energy_kwh"),
-            word("energy_from"),
-            decimals("running_hours"),
-            row["starts"],
-            row["trips"]
+            "  {}  {energy:>10}  {:7}  {:>9.2}  {:>6}  {:>5}\n",
+            row.day,
+            row.energy_from.as_deref().unwrap_or("-"),
+            row.running_hours,
+            row.starts,
+            row.trips
         );
     }
     text
@@ -135,11 +131,7 @@ fn reset(directory: &Path, drive: &str, yes: bool) -> Result<(), CommandFailure>
     }
     let socket = directory.join(SOCKET_NAME);
     let path = format!("/api/v1/drives/{name}/usage/reset");
-    let question = SocketRequest {
-        method: Method::POST,
-        path: &path,
-        body: Some(&Value::Null),
-    };
+    let question = SocketRequest::post(&path);
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
@@ -147,9 +139,11 @@ fn reset(directory: &Path, drive: &str, yes: bool) -> Result<(), CommandFailure>
     let at = socket.display();
     match runtime.block_on(socket::ask(&socket, question, PATIENCE)) {
         Ok((StatusCode::OK, answer)) => {
-            print(&format!("{name} was at {}\n", words(&answer["before"])))
+            let UsageResetDocument { before, .. } =
+                socket::document(answer).map_err(CommandFailure::failed)?;
+            print(&format!("{name} was at {}\n", words(&before)))
         }
-        Ok((StatusCode::NOT_FOUND, answer)) => Err(CommandFailure::wrong(unknown(&answer))),
+        Ok((StatusCode::NOT_FOUND, answer)) => Err(CommandFailure::wrong(unknown(answer))),
         Ok((status, _)) => Err(CommandFailure::failed(format!(
             "gateway at {at}: it answers {status}"
         ))),
@@ -158,18 +152,15 @@ fn reset(directory: &Path, drive: &str, yes: bool) -> Result<(), CommandFailure>
 }
 
 /// Sums in words; those that the drive does not have are left out.
-fn words(sums: &Value) -> String {
+fn words(sums: &UsageDocument) -> String {
     let parts = [
-        ("energy_kwh", "kWh"),
-        ("running_hours", "h"),
-        ("starts", "starts"),
-        ("trips", "trips"),
+        sums.energy_kwh.map(|energy| format!("{energy:?} kWh")),
+        sums.running_hours.map(|hours| format!("{hours:?} h")),
+        sums.starts.map(|starts| format!("{starts} starts")),
+        sums.trips.map(|trips| format!("{trips} trips")),
     ];
-    let known = parts.iter().filter(|(key, _)| !sums[key].is_null());
-    known
-        .map(|(key, unit)| format!("{} {unit}", sums[key]))
-        .collect::<Vec<_>>()
-        .join(", ")
+    let known: Vec<_> = parts.into_iter().flatten().collect();
+    known.join(", ")
 }
 
 #[cfg(test)]
@@ -177,7 +168,6 @@ mod tests {
     use super::*;
     use crate::drive::usage::{EnergySource, UsageTotals};
     use crate::journal::days::{DayNumber, DayUsage};
-    use serde_json::json;
 
     fn day(energy_from: Option<EnergySource>) -> DayRow {
         let totals = UsageTotals {
@@ -211,12 +201,13 @@ mod tests {
             "2024-10-04,pump-1,1.50,counter,1.50,3,1\n"
         );
         assert_eq!(rows[1].in_csv(), "2024-10-04,pump-1,,,1.50,3,1\n");
-        assert_eq!(rows[1].in_json()["energy_kwh"], Value::Null);
+        assert_eq!(rows[1].document().energy_kwh, None);
     }
 
     #[test]
     fn sums_that_a_drive_does_not_have_are_left_out() {
         let sums = json!({ "energy_kwh": null, "running_hours": 1.5, "starts": 3, "trips": 0 });
+        let sums = serde_json::from_value(sums).unwrap();
         assert_eq!(words(&sums), "1.5 h, 3 starts, 0 trips");
     }
 }

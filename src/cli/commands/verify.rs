@@ -18,9 +18,9 @@ pub struct Args {
 pub fn verify(args: &Args) -> Result<(), CommandFailure> {
     let seen = setup::SetupDrive::new(&args.drive, &args.place)?.look()?;
     print(&if args.json {
-        format!("{seen}\n")
+        format!("{}\n", serde_json::json!(seen))
     } else {
-        setup::report(&seen)
+        setup::report(&seen.known)
     })?;
-    setup::judge(&seen)
+    setup::judge(&seen.known)
 }

@@ -1,10 +1,10 @@
 //! `watchdog`: shows how a drive monitors its communication, or sets it, after a person has seen old and new values.
 
 use crate::cli::tools::consent::ask_for_consent;
-use crate::cli::tools::setup::{self, outcome, text, word_with_meaning};
+use crate::cli::tools::setup::{self, found_word, known, outcome};
 use crate::cli::tools::{CommandFailure, print, socket};
+use crate::north::api::SetupDocument;
 use crate::toml_file::values::parse_duration;
-use serde_json::Value;
 use std::time::Duration;
 
 /// Arguments of `watchdog`.
@@ -41,21 +41,18 @@ fn time(text: &str) -> Result<WatchdogTime, String> {
 /// Shows it, or sets it and shows it. It fails unless it is on, or off if that was requested.
 pub fn watchdog(args: &Args) -> Result<(), CommandFailure> {
     let drive = setup::SetupDrive::new(&args.drive, &args.place)?;
-    let before = drive.look()?;
-    let Some(wanted) = args.set else {
-        print(&setup::watchdog(&before["watchdog"]))?;
+    let before = drive.look()?.known;
+    let watchdog = before.watchdog.as_ref();
+    let settable = watchdog.filter(|it| it.state == "on" || it.state == "off");
+    let (Some(wanted), Some(watchdog)) = (args.set, settable) else {
+        print(&setup::watchdog(watchdog))?;
         return judge(&before, "on");
     };
-    if !matches!(before["watchdog"]["state"].as_str(), Some("on" | "off")) {
-        print(&setup::watchdog(&before["watchdog"]))?;
-        return judge(&before, "on");
-    }
-    let name = text(&before, "drive");
-    let new = called(wanted);
-    let old = word_with_meaning(&before["watchdog"]["found"]);
+    let name = &before.drive;
+    let what = known(watchdog.what.as_deref());
+    let (old, new) = (found_word(&watchdog.seen), called(wanted));
     print(&format!(
-        "drive {name}, at standstill:\n  {}  {old} -> {new}\n",
-        what(&before)
+        "drive {name}, at standstill:\n  {what}  {old} -> {new}\n"
     ))?;
     if !args.yes {
         ask_for_consent()?;
@@ -65,9 +62,9 @@ pub fn watchdog(args: &Args) -> Result<(), CommandFailure> {
         WatchdogTime::After(time) => Some(time),
     })?;
     print(&format!("{}\n", outcome(&answer)))?;
-    let after = drive.look()?;
-    print(&setup::watchdog(&after["watchdog"]))?;
-    if !matches!(text(&answer, "outcome"), "confirmed" | "acknowledged") {
+    let after = drive.look()?.known;
+    print(&setup::watchdog(after.watchdog.as_ref()))?;
+    if !matches!(&*answer.outcome, "confirmed" | "acknowledged") {
         return Err(CommandFailure::failed(format!(
             "{name}: {}",
             outcome(&answer)
@@ -83,10 +80,6 @@ pub fn watchdog(args: &Args) -> Result<(), CommandFailure> {
     )
 }
 
-fn what(seen: &Value) -> &str {
-    text(&seen["watchdog"], "what")
-}
-
 fn called(time: WatchdogTime) -> String {
     match time {
         WatchdogTime::Off => "off".to_owned(),
@@ -94,23 +87,15 @@ fn called(time: WatchdogTime) -> String {
     }
 }
 
-fn judge(seen: &Value, wanted: &str) -> Result<(), CommandFailure> {
-    let name = text(seen, "drive");
-    match seen["watchdog"]["state"].as_str() {
-        Some(state) if state == wanted => Ok(()),
-        Some("off") => Err(CommandFailure::failed(format!(
-            "{name}: its watchdog is off"
-        ))),
-        Some("on") => Err(CommandFailure::failed(format!(
-            "{name}: its watchdog is on"
-        ))),
-        Some(_) => Err(CommandFailure::failed(format!(
-            "{name}: its watchdog could not be read"
-        ))),
-        None => Err(CommandFailure::failed(format!(
-            "{name}: no watchdog is known for this model"
-        ))),
-    }
+fn judge(seen: &SetupDocument, wanted: &str) -> Result<(), CommandFailure> {
+    let why = match &seen.watchdog {
+        Some(watchdog) if watchdog.state == *wanted => return Ok(()),
+        Some(watchdog) if watchdog.state == "off" => "its watchdog is off",
+        Some(watchdog) if watchdog.state == "on" => "its watchdog is on",
+        Some(_) => "its watchdog could not be read",
+        None => "no watchdog is known for this model",
+    };
+    Err(CommandFailure::failed(format!("{}: {why}", seen.drive)))
 }
 
 #[cfg(test)]
@@ -135,14 +120,15 @@ mod tests {
 
     #[test]
     fn what_was_not_wanted_is_a_failure() {
-        let seen = |state: Value| json!({ "drive": "d", "watchdog": { "state": state } });
-        assert!(
-            judge(&seen("on".into()), "on").is_ok() && judge(&seen("off".into()), "off").is_ok()
-        );
+        let seen = |state: Option<&str>| {
+            let watchdog = state.map(|state| json!({ "state": state }));
+            serde_json::from_value(json!({ "drive": "d", "watchdog": watchdog })).unwrap()
+        };
+        assert!(judge(&seen(Some("on")), "on").is_ok() && judge(&seen(Some("off")), "off").is_ok());
         for (state, said) in [
-            (json!("off"), "d: its watchdog is off"),
-            (json!("not_answered"), "d: its watchdog could not be read"),
-            (Value::Null, "d: no watchdog is known for this model"),
+            (Some("off"), "d: its watchdog is off"),
+            (Some("not_answered"), "d: its watchdog could not be read"),
+            (None, "d: no watchdog is known for this model"),
         ] {
             assert_eq!(judge(&seen(state), "on").unwrap_err().message, said);
         }

@@ -4,10 +4,15 @@ use super::CommandFailure;
 use super::socket::{self, SocketRequest};
 use crate::domain::ids::Name;
 use crate::domain::problem::nearest;
-use axum::http::{Method, StatusCode};
-use serde_json::{Value, json};
+use crate::north::api::{
+    AddressesBody, IdentityDocument, OrderOutcomeDocument, PassedOn, SeenWord, SetupDocument,
+    SetupItemDocument, SetupWatchdogDocument, WatchdogBody, WordDocument,
+};
+use axum::http::StatusCode;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Longest time for one request: longer than the gateway waits for a drive.
@@ -47,7 +52,7 @@ impl SetupDrive {
     ///
     /// # Errors
     /// There is no such drive, or the gateway does not answer.
-    pub fn look(&self) -> Result<Value, CommandFailure> {
+    pub fn look(&self) -> Result<PassedOn<SetupDocument>, CommandFailure> {
         self.ask(SocketRequest::get(&self.path))
     }
 
@@ -55,103 +60,97 @@ impl SetupDrive {
     ///
     /// # Errors
     /// There is no such drive, or the gateway does not answer.
-    pub fn set(&self, addresses: &[u16]) -> Result<Value, CommandFailure> {
-        let body = json!({ "addresses": addresses });
-        self.ask(SocketRequest {
-            method: Method::POST,
-            path: &self.path,
-            body: Some(&body),
-        })
+    pub fn set(&self, addresses: Vec<u16>) -> Result<OrderOutcomeDocument, CommandFailure> {
+        self.ask(SocketRequest::post(&self.path).with(&AddressesBody { addresses }))
     }
 
     /// Sets its own watchdog to `time`, or off for `None`, and returns the outcome.
     ///
     /// # Errors
     /// There is no such drive, or the gateway does not answer.
-    pub fn set_watchdog(&self, time: Option<Duration>) -> Result<Value, CommandFailure> {
-        let body = json!({ "time_ms": time.map(|time| u64::try_from(time.as_millis()).unwrap_or(u64::MAX)) });
-        self.ask(SocketRequest {
-            method: Method::POST,
-            path: &self.watchdog_path,
-            body: Some(&body),
-        })
+    pub fn set_watchdog(
+        &self,
+        time: Option<Duration>,
+    ) -> Result<OrderOutcomeDocument, CommandFailure> {
+        let time_ms = time.map(|time| u64::try_from(time.as_millis()).unwrap_or(u64::MAX));
+        self.ask(SocketRequest::post(&self.watchdog_path).with(&WatchdogBody { time_ms }))
     }
 
-    fn ask(&self, question: SocketRequest<'_>) -> Result<Value, CommandFailure> {
-        let at = self.socket.display();
-        match self
-            .runtime
-            .block_on(socket::ask(&self.socket, question, PATIENCE))
-        {
-            Ok((StatusCode::OK, answer)) => Ok(answer),
-            Ok((StatusCode::NOT_FOUND, answer)) => Err(CommandFailure::wrong(unknown(&answer))),
-            Ok((_, answer)) => Err(CommandFailure::failed(format!(
-                "gateway at {at}: {}",
-                outcome(&answer)
-            ))),
-            Err(reason) => Err(CommandFailure::failed(format!("gateway at {at}: {reason}"))),
-        }
+    fn ask<T: DeserializeOwned>(&self, question: SocketRequest<'_>) -> Result<T, CommandFailure> {
+        self.runtime.block_on(ask_drive(&self.socket, question))
+    }
+}
+
+/// Asks the gateway behind `socket` about one drive.
+///
+/// # Errors
+/// There is no such drive, the gateway refuses, or it does not answer.
+pub async fn ask_drive<T: DeserializeOwned>(
+    socket: &Path,
+    question: SocketRequest<'_>,
+) -> Result<T, CommandFailure> {
+    let failed = |reason: String| {
+        CommandFailure::failed(format!("gateway at {}: {reason}", socket.display()))
+    };
+    match socket::ask(socket, question, PATIENCE)
+        .await
+        .map_err(failed)?
+    {
+        (StatusCode::OK, answer) => socket::document(answer).map_err(failed),
+        (StatusCode::NOT_FOUND, answer) => Err(CommandFailure::wrong(unknown(answer))),
+        (_, answer) => Err(failed(outcome(&socket::refusal(answer)))),
     }
 }
 
 /// There is no such drive; the nearest one, or else all of them.
-pub fn unknown(answer: &Value) -> String {
-    let name = text(answer, "drive");
-    let drives: Vec<_> = answer["drives"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .filter_map(Value::as_str)
-        .collect();
-    match nearest(name, drives.iter().copied()) {
-        Some(near) => format!("no drive is called {name}; did you mean {near}?"),
-        None => format!("no drive is called {name}; there are {}", drives.join(", ")),
+pub fn unknown(answer: Value) -> String {
+    let OrderOutcomeDocument { drive, drives, .. } = socket::refusal(answer);
+    let drives = drives.unwrap_or_default();
+    match nearest(&drive, drives.iter().map(String::as_str)) {
+        Some(near) => format!("no drive is called {drive}; did you mean {near}?"),
+        None => format!(
+            "no drive is called {drive}; there are {}",
+            drives.join(", ")
+        ),
     }
 }
 
 /// The outcome of an order, in words.
-pub fn outcome(answer: &Value) -> String {
-    let mut said = text(answer, "outcome").to_owned();
-    if answer["reason"] != "none" {
-        let _ = write!(
-            said,
-            ": {} ({})",
-            text(answer, "message"),
-            text(answer, "reason")
-        );
+pub fn outcome(answer: &OrderOutcomeDocument) -> String {
+    let mut said = answer.outcome.to_string();
+    if answer.reason != "none" {
+        let _ = write!(said, ": {} ({})", answer.message, answer.reason);
     }
-    if let Some(held) = answer["held"].as_u64() {
+    if let Some(held) = answer.held {
         let _ = write!(said, "; the drive holds {held}");
     }
-    said.push_str(&exception(answer));
+    said.push_str(&exception(answer.exception));
     said
 }
 
-/// The items of a report; none if it cannot be parsed.
-pub fn items(setup: &Value) -> impl Iterator<Item = &Value> {
-    setup["items"].as_array().into_iter().flatten()
-}
-
 /// The setup report of a drive, for people.
-pub fn report(setup: &Value) -> String {
-    let drive = text(setup, "drive");
-    let model = text(setup, "model");
-    let line = text(setup, "line");
+pub fn report(setup: &SetupDocument) -> String {
+    let SetupDocument {
+        drive, model, line, ..
+    } = setup;
     let mut said = format!(
         "drive {drive} ({model} on {line})\n{}",
-        identity(&setup["identity"], model)
+        identity(setup.identity.as_ref(), model)
     );
-    let (by_line, by_hand): (Vec<_>, Vec<_>) =
-        items(setup).partition(|item| item["result"] != "at_the_drive");
+    let (by_line, by_hand): (Vec<_>, Vec<_>) = setup
+        .items
+        .iter()
+        .partition(|item| item.result != "at_the_drive");
     said.push_str(&table(by_line.into_iter().map(row)));
     if !by_hand.is_empty() {
         said.push_str("at the drive itself, where the gateway cannot read:\n");
-        said.push_str(&table(by_hand.into_iter().map(|item| {
-            [text(item, "what"), text(item, "text")].map(str::to_owned)
-        })));
+        let rows = by_hand.into_iter();
+        said.push_str(&table(
+            rows.map(|item| [item.what.to_string(), item.text.to_string()]),
+        ));
     }
-    said.push_str(&watchdog(&setup["watchdog"]));
-    if setup["takes_priority"] == true {
+    said.push_str(&watchdog(setup.watchdog.as_ref()));
+    if setup.takes_priority {
         said.push_str(
             "note: this drive obeys the bus whatever these settings say; a STOP, too, takes control from panel and \
              terminals\n",
@@ -164,51 +163,49 @@ pub fn report(setup: &Value) -> String {
 ///
 /// # Errors
 /// Anything is wrong.
-pub fn judge(setup: &Value) -> Result<(), CommandFailure> {
-    if setup["right"] == true {
+pub fn judge(setup: &SetupDocument) -> Result<(), CommandFailure> {
+    if setup.right {
         return Ok(());
     }
-    let count = |result: &str| items(setup).filter(|item| item["result"] == result).count();
-    let is_watchdog_silent = setup["watchdog"]["state"] == "not_answered";
-    let is_identity_silent = setup["identity"]["result"] == "not_answered";
+    let count = |result: &str| {
+        let items = setup.items.iter();
+        items.filter(|item| item.result == *result).count()
+    };
+    let watchdog = setup.watchdog.as_ref();
+    let is_watchdog_silent = watchdog.is_some_and(|it| it.state == "not_answered");
+    let identity = setup.identity.as_ref();
+    let is_identity_silent = identity.is_some_and(|it| it.result == "not_answered");
     let wrong = count("wrong") + usize::from(is_another_drive(setup));
     let silent =
         count("not_answered") + usize::from(is_watchdog_silent) + usize::from(is_identity_silent);
     Err(CommandFailure::failed(format!(
         "{}: {wrong} wrong, {silent} not answered",
-        text(setup, "drive")
+        setup.drive
     )))
 }
 
 /// Whether the drive tells that it is not the one that it is taken for: then it gets no order.
-pub fn is_another_drive(setup: &Value) -> bool {
-    ["wrong", "not_tried"]
-        .iter()
-        .any(|result| setup["identity"]["result"] == *result)
+pub fn is_another_drive(setup: &SetupDocument) -> bool {
+    let identity = setup.identity.as_ref();
+    identity.is_some_and(|it| it.result == "wrong" || it.result == "not_tried")
 }
 
-fn row(item: &Value) -> [String; 5] {
-    let wanted: Vec<_> = item["wanted"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .map(word_with_meaning)
-        .collect();
-    let result = match text(item, "result") {
+fn row(item: &SetupItemDocument) -> [String; 5] {
+    let wanted: Vec<_> = item.wanted.iter().map(word_with_meaning).collect();
+    let result = match &*item.result {
         "right" => "ok".to_owned(),
         "wrong" => "WRONG".to_owned(),
-        "not_answered" => why_silent(item),
+        "not_answered" => why_silent(&item.seen),
         other => other.to_owned(),
     };
-    let found = if item["found"].is_null() {
-        "-".to_owned()
-    } else {
-        format!("found {}", word_with_meaning(&item["found"]))
+    let found = match &item.seen.found {
+        Some(found) => format!("found {}", word_with_meaning(found)),
+        None => "-".to_owned(),
     };
     let wanted = format!("wanted {}", wanted.join(" or "));
     [
-        text(item, "what").to_owned(),
-        text(item, "text").to_owned(),
+        item.what.to_string(),
+        item.text.to_string(),
         wanted,
         found,
         result,
@@ -216,18 +213,13 @@ fn row(item: &Value) -> [String; 5] {
 }
 
 /// Which drive answered, for people. `model` is the one that the configuration names.
-fn identity(identity: &Value, model: &str) -> String {
-    let Some(result) = identity["result"].as_str() else {
+fn identity(identity: Option<&IdentityDocument>, model: &str) -> String {
+    let Some(identity) = identity else {
         return "the drive's identity: this model has no register that tells it\n".to_owned();
     };
-    let wanted: Vec<_> = identity["wanted"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .map(Value::to_string)
-        .collect();
+    let wanted: Vec<_> = identity.wanted.iter().map(u16::to_string).collect();
     let wanted = wanted.join(" or ");
-    let said = match (result, identity["other"].as_str()) {
+    let said = match (&*identity.result, &identity.other) {
         ("right", _) => format!("{}: {model}, ok", found_as(identity)),
         ("not_tried", _) => {
             format!(
@@ -235,7 +227,7 @@ fn identity(identity: &Value, model: &str) -> String {
                 found_as(identity)
             )
         }
-        ("not_answered", _) => why_silent(identity),
+        ("not_answered", _) => why_silent(&identity.seen),
         (_, Some(other)) => format!(
             "{}: WRONG, {other}, and not {model}, which shows {wanted}",
             found_as(identity)
@@ -247,25 +239,31 @@ fn identity(identity: &Value, model: &str) -> String {
     };
     format!(
         "the drive's identity ({}): {said}\n",
-        text(identity, "what")
+        known(identity.what.as_deref())
     )
 }
 
 /// The word that was found, also without the bits that do not count.
-fn found_as(identity: &Value) -> String {
-    let found = format!("found {}", word_with_meaning(&identity["found"]));
-    match (identity["found"]["raw"].as_u64(), identity["mask"].as_u64()) {
-        (Some(raw), Some(mask)) if mask != 0xFFFF => {
-            format!("{found}, of which {} counts", raw & mask)
+fn found_as(identity: &IdentityDocument) -> String {
+    let Some(word) = &identity.seen.found else {
+        return "found ?".to_owned();
+    };
+    let found = format!("found {}", word_with_meaning(word));
+    match identity.mask {
+        Some(mask) if mask != 0xFFFF => {
+            format!("{found}, of which {} counts", word.raw & u32::from(mask))
         }
         _ => found,
     }
 }
 
 /// The drive's own watchdog, for people.
-pub fn watchdog(watchdog: &Value) -> String {
-    let is_on = watchdog["state"] == "on";
-    let advice = match watchdog["judged"].as_str() {
+pub fn watchdog(watchdog: Option<&SetupWatchdogDocument>) -> String {
+    let Some(watchdog) = watchdog else {
+        return "the drive's own watchdog: none is known for this model\n".to_owned();
+    };
+    let is_on = watchdog.state == "on";
+    let advice = match watchdog.judged.as_deref() {
         _ if !is_on => "",
         Some("keeps_running") => "warning: with that the motor runs on without the gateway\n",
         Some("too_short") => {
@@ -277,7 +275,7 @@ pub fn watchdog(watchdog: &Value) -> String {
         }
         _ => "",
     };
-    let volatile = if watchdog["is_stored"] == false && is_on {
+    let volatile = if watchdog.is_stored == Some(false) && is_on {
         "note: the drive keeps this in RAM and forgets it with its power\n"
     } else {
         ""
@@ -285,61 +283,62 @@ pub fn watchdog(watchdog: &Value) -> String {
     format!("{}{advice}{volatile}", watchdog_as_found(watchdog))
 }
 
-fn watchdog_as_found(watchdog: &Value) -> String {
-    match watchdog["state"].as_str() {
-        None => "the drive's own watchdog: none is known for this model\n".to_owned(),
-        Some("off") => {
-            let what = text(watchdog, "what");
+fn watchdog_as_found(watchdog: &SetupWatchdogDocument) -> String {
+    let what = known(watchdog.what.as_deref());
+    match &*watchdog.state {
+        "off" => {
             format!(
                 "warning: the drive's own watchdog is off ({what}): a lost gateway would not stop the motor\n"
             )
         }
-        Some("on") => {
-            let action = &watchdog["action"];
-            let action = if action.is_null() {
-                String::new()
-            } else {
-                format!(", then {}", word_with_meaning(action))
+        "on" => {
+            let action = match &watchdog.action {
+                Some(action) => format!(", then {}", word_with_meaning(action)),
+                None => String::new(),
             };
             format!(
-                "the drive's own watchdog ({}): {}{action}\n",
-                text(watchdog, "what"),
-                word_with_meaning(&watchdog["found"])
+                "the drive's own watchdog ({what}): {}{action}\n",
+                found_word(&watchdog.seen)
             )
         }
-        Some(_) => format!(
-            "the drive's own watchdog ({}): {}\n",
-            text(watchdog, "what"),
-            why_silent(watchdog)
+        _ => format!(
+            "the drive's own watchdog ({what}): {}\n",
+            why_silent(&watchdog.seen)
         ),
     }
 }
 
-fn why_silent(seen: &Value) -> String {
-    format!("not answered: {}{}", text(seen, "message"), exception(seen))
+fn why_silent(seen: &SeenWord) -> String {
+    format!(
+        "not answered: {}{}",
+        known(seen.message.as_deref()),
+        exception(seen.exception)
+    )
 }
 
-fn exception(answer: &Value) -> String {
-    answer["exception"]
-        .as_u64()
-        .map(|code| format!("; exception {code:02X}"))
+fn exception(code: Option<u8>) -> String {
+    code.map(|code| format!("; exception {code:02X}"))
         .unwrap_or_default()
 }
 
+/// The word that was read, with its meaning; `?` if none was.
+pub fn found_word(seen: &SeenWord) -> String {
+    seen.found
+        .as_ref()
+        .map_or_else(|| "?".to_owned(), word_with_meaning)
+}
+
 /// A word with its meaning.
-pub fn word_with_meaning(word: &Value) -> String {
-    let raw = word["raw"]
-        .as_u64()
-        .map_or_else(|| "?".to_owned(), |raw| raw.to_string());
-    match word["text"].as_str() {
-        Some(text) => format!("{raw} ({text})"),
-        None => raw,
+pub fn word_with_meaning(word: &WordDocument) -> String {
+    match &word.text {
+        Some(text) => format!("{} ({text})", word.raw),
+        None => word.raw.to_string(),
     }
 }
 
-/// A text of `of`; `?` if it is missing, because another version may send less.
-pub fn text<'a>(of: &'a Value, key: &str) -> &'a str {
-    of[key].as_str().unwrap_or("?")
+/// A text that may be missing; `?` then.
+pub fn known(text: Option<&str>) -> &str {
+    text.unwrap_or("?")
 }
 
 /// Rows, indented, each column as wide as it needs.
@@ -367,6 +366,7 @@ pub fn table<const N: usize>(rows: impl Iterator<Item = [String; N]>) -> String 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::json;
 
     fn seen(result: &str, found: Value) -> Value {
         json!({
@@ -375,8 +375,9 @@ mod tests {
         })
     }
 
-    fn setup(items: Vec<Value>, watchdog: Value) -> Value {
-        json!({ "drive": "d", "model": "m", "line": "l", "right": false, "items": items, "watchdog": watchdog })
+    fn setup(items: Vec<Value>, watchdog: Value) -> SetupDocument {
+        let setup = json!({ "drive": "d", "model": "m", "line": "l", "right": false, "items": items, "watchdog": watchdog });
+        serde_json::from_value(setup).unwrap()
     }
 
     #[test]
@@ -407,10 +408,11 @@ the drive's own watchdog: none is known for this model
     fn the_drive_that_answered_is_named() {
         let seen = |result: &str, other: Option<&str>, mask: u16| {
             let mut setup = setup(Vec::new(), Value::Null);
-            setup["identity"] = json!({
+            let identity = json!({
                 "what": "D0", "mask": mask, "wanted": [16, 17], "found": { "raw": 280 }, "result": result,
                 "other": other, "message": "the drive did not answer", "exception": 3,
             });
+            setup.identity = serde_json::from_value(identity).unwrap();
             let judged = judge(&setup).unwrap_err().message;
             (
                 report(&setup).lines().nth(1).unwrap_or_default().to_owned(),
@@ -471,7 +473,7 @@ the drive's own watchdog: none is known for this model
     fn a_drive_that_the_bus_overrules_is_noted() {
         let mut setup = setup(Vec::new(), Value::Null);
         assert!(!report(&setup).contains("note:"));
-        setup["takes_priority"] = true.into();
+        setup.takes_priority = true;
         assert!(report(&setup).contains("note:") && report(&setup).contains("STOP"));
     }
 
@@ -487,29 +489,30 @@ the drive's own watchdog: none is known for this model
             judge(&setup).unwrap_err().message,
             "d: 1 wrong, 2 not answered"
         );
-        setup["right"] = true.into();
+        setup.right = true;
         assert!(judge(&setup).is_ok());
     }
 
     #[test]
     fn an_outcome_says_why_and_what_the_drive_says() {
+        let outcome = |json: Value| outcome(&serde_json::from_value(json).unwrap());
         let refused =
             json!({ "outcome": "refused", "reason": "moving", "message": "the motor may turn" });
-        assert_eq!(outcome(&refused), "refused: the motor may turn (moving)");
+        assert_eq!(outcome(refused), "refused: the motor may turn (moving)");
         assert_eq!(
-            outcome(&json!({ "outcome": "confirmed", "reason": "none", "message": "" })),
+            outcome(json!({ "outcome": "confirmed", "reason": "none", "message": "" })),
             "confirmed"
         );
         let kept = json!({ "outcome": "failed", "reason": "r", "message": "no", "held": 2, "exception": 3 });
         assert_eq!(
-            outcome(&kept),
+            outcome(kept),
             "failed: no (r); the drive holds 2; exception 03"
         );
     }
 
     #[test]
     fn a_slip_of_the_pen_is_answered_with_the_right_name() {
-        let answer = |name: &str| unknown(&json!({ "drive": name, "drives": ["pump-1", "fan"] }));
+        let answer = |name: &str| unknown(json!({ "drive": name, "drives": ["pump-1", "fan"] }));
         assert_eq!(
             answer("pmup-1"),
             "no drive is called pmup-1; did you mean pump-1?"

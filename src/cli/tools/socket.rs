@@ -6,7 +6,9 @@ use axum::body::{Body, Bytes, to_bytes};
 use axum::http::{Method, Request, StatusCode, header};
 use hyper::client::conn::http1;
 use hyper_util::rt::TokioIo;
-use serde_json::Value;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Value, json};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -61,14 +63,11 @@ fn socket_of(path: &Path) -> Result<PathBuf, CommandFailure> {
     Ok(directory.join(SOCKET_NAME))
 }
 
-/// A request: without a body for a GET, else with JSON text.
+/// A request.
 pub struct SocketRequest<'q> {
-    /// The method.
-    pub method: Method,
-    /// The path.
-    pub path: &'q str,
-    /// The body.
-    pub body: Option<&'q Value>,
+    method: Method,
+    path: &'q str,
+    body: Option<Value>,
 }
 
 impl<'q> SocketRequest<'q> {
@@ -79,6 +78,25 @@ impl<'q> SocketRequest<'q> {
             method: Method::GET,
             path,
             body: None,
+        }
+    }
+
+    /// A POST to `path`, without a body.
+    #[must_use]
+    pub const fn post(path: &'q str) -> Self {
+        Self {
+            method: Method::POST,
+            path,
+            body: None,
+        }
+    }
+
+    /// The request with this body.
+    #[must_use]
+    pub fn with(self, body: &impl Serialize) -> Self {
+        Self {
+            body: Some(json!(body)),
+            ..self
         }
     }
 }
@@ -96,6 +114,20 @@ pub async fn ask(
         exchange(connect(socket).await?, "localhost", question).await
     })
     .await
+}
+
+/// The document that `answer` is.
+///
+/// # Errors
+/// It is another one, for people.
+pub fn document<T: DeserializeOwned>(answer: Value) -> Result<T, String> {
+    serde_json::from_value(answer)
+        .map_err(|error| format!("its answer cannot be understood: {error}"))
+}
+
+/// The refusal that `answer` is; without content if it is none.
+pub fn refusal<T: DeserializeOwned + Default>(answer: Value) -> T {
+    serde_json::from_value(answer).unwrap_or_default()
 }
 
 /// A new connection to `socket`.

@@ -1,26 +1,26 @@
 //! What is said of a drive that may run unseen.
 
 use super::{WordTone, toned};
-use serde_json::Value;
+use crate::north::api::{DriveHealthDocument, LastSeenDocument};
+use std::fmt::Write;
 
 /// A drive that may run unseen, as a line of text. It is shown before all others.
-pub fn unseen_row(drive: &Value) -> String {
-    let seen = &drive["last_seen"];
-    let hertz = seen["output_hz"]
-        .as_f64()
-        .map(|hertz| format!(" at {hertz:.2} Hz"))
-        .unwrap_or_default();
-    let at = seen["at"]
-        .as_str()
-        .map(|at| format!(", {at}"))
-        .unwrap_or_default();
-    let seen = seen["run_state"]
-        .as_str()
-        .map(|state| format!(": last seen {state}{hertz}{at}"))
-        .unwrap_or_default();
-    let name = drive["name"].as_str().unwrap_or("?");
+pub fn unseen_row(drive: &DriveHealthDocument) -> String {
+    let seen = drive.last_seen.as_ref().map(last_seen).unwrap_or_default();
+    let name = &drive.name;
     format!(
         "{}{seen}; go to the drive\n",
         toned(WordTone::Problem, &format!("drive {name} MAY STILL RUN"))
     )
+}
+
+fn last_seen(seen: &LastSeenDocument) -> String {
+    let mut text = format!(": last seen {}", seen.run_state);
+    if let Some(hertz) = seen.output_hz {
+        let _ = write!(text, " at {hertz:.2} Hz");
+    }
+    if let Some(at) = &seen.at {
+        let _ = write!(text, ", {at}");
+    }
+    text
 }

@@ -5,9 +5,11 @@ use crate::daemon::exchange::hand_over::{HandOver, hand_over};
 use crate::daemon::exchange::shared::SharedLine;
 use crate::daemon::local::{LocalSide, OrderingClient};
 use crate::journal::TriedWrite;
+use crate::north::api::{
+    HandOverBody, HandOverDocument, LineHandOver, UnknownLineDocument, read_exactly,
+};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
-use serde_json::{Value, json as value};
 use std::sync::Arc;
 
 const EXPECTED: &str = r#"a body such as {"line": "hall-1"} is expected, or none for all lines"#;
@@ -52,13 +54,19 @@ pub(super) async fn answer(side: Arc<LocalSide>, who: OrderingClient, body: &[u8
             .standby
             .as_ref()
             .map_or("the other one", |share| share.pair.partner.as_str());
-        value!({ "line": line.name.as_str(), "outcome": outcome.keyword(), "message": outcome.message(partner) })
+        LineHandOver {
+            line: line.name.to_string().into(),
+            outcome: outcome.keyword().into(),
+            message: outcome.message(partner).into(),
+        }
     };
-    let lines: Vec<_> = ended.iter().map(line).collect();
-    let any = ended
-        .iter()
-        .any(|(_, outcome)| *outcome == HandOver::HandedOver);
-    (status, json(&value!({ "yielded": any, "lines": lines }))).into_response()
+    let answer = HandOverDocument {
+        yielded: ended
+            .iter()
+            .any(|(_, outcome)| *outcome == HandOver::HandedOver),
+        lines: ended.iter().map(line).collect(),
+    };
+    (status, json(&answer)).into_response()
 }
 
 /// Whether a line of several had anything to hand over.
@@ -68,18 +76,11 @@ const fn was_tried(outcome: HandOver) -> bool {
 
 /// The line that `body` names; `None` for all.
 fn line_in(body: &[u8]) -> Result<Option<String>, ()> {
-    if body.is_empty() {
+    if body.is_empty() || body.trim_ascii() == b"null" {
         return Ok(None);
     }
-    match serde_json::from_slice(body) {
-        Ok(Value::Null) => Ok(None),
-        Ok(Value::Object(mut keys)) => match (keys.remove("line"), keys.is_empty()) {
-            (None, true) => Ok(None),
-            (Some(Value::String(line)), true) => Ok(Some(line)),
-            _ => Err(()),
-        },
-        _ => Err(()),
-    }
+    let HandOverBody { line } = read_exactly(body).ok_or(())?;
+    Ok(line)
 }
 
 /// The line called `named`, or all that have a second gateway.
@@ -99,15 +100,15 @@ fn chosen(side: &LocalSide, named: Option<&str>) -> Result<Vec<Arc<SharedLine>>,
         .find(|line| line.name.as_str() == named)
         .cloned();
     found.map(|line| vec![line]).ok_or_else(|| {
-        let known: Vec<_> = shared.lines.iter().map(|line| line.name.as_str()).collect();
-        let error = format!("there is no line `{named}`");
-        Box::new(
-            (
-                StatusCode::NOT_FOUND,
-                json(&value!({ "error": error, "lines": known })),
-            )
-                .into_response(),
-        )
+        let answer = UnknownLineDocument {
+            error: format!("there is no line `{named}`").into(),
+            lines: shared
+                .lines
+                .iter()
+                .map(|line| line.name.to_string())
+                .collect(),
+        };
+        Box::new((StatusCode::NOT_FOUND, json(&answer)).into_response())
     })
 }
 
@@ -139,6 +140,7 @@ mod tests {
     use crate::journal::WriteAttempt;
     use crate::line::standby::StandbyTimes;
     use crate::line::timing::LineTiming;
+    use serde_json::{Value, json as value};
     use std::sync::Mutex;
     use std::time::Duration;
     use tokio::time::sleep;

@@ -22,6 +22,7 @@ mod own_routes;
 mod page;
 mod params;
 mod qualify;
+mod query;
 mod reachable;
 pub mod report;
 mod routes;

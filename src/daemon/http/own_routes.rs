@@ -3,12 +3,16 @@
 use super::answers::json;
 use super::{hand_over, params, setup, standstill, watchdog};
 use crate::config::change::ChangeNote;
-use crate::daemon::exchange::reload_request::{AppliedReload, ReloadRefusal, Reloaded};
+use crate::daemon::exchange::reload_request::{AppliedReload, ReloadRefusal};
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::local::{LocalSide, OrderingClient};
 use crate::domain::address::Address;
-use crate::domain::command::{GoOrder, Outcome, Owner, Reason, Report};
+use crate::domain::command::{GoOrder, Owner, Reason, Report};
 use crate::domain::problem::Problem;
+use crate::north::api::{
+    ConfigurationChange, ConfigurationWarning, OrderOutcomeDocument, RefusedReload, ReloadDocument,
+    UsageResetDocument,
+};
 use crate::north::setup_body::{EXAMPLE, WATCHDOG_EXAMPLE, addresses, watchdog_time};
 use crate::north::shown;
 use axum::Router;
@@ -17,7 +21,7 @@ use axum::extract::{DefaultBodyLimit, Path, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
-use serde_json::Value;
+use serde_json::json as value;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -43,7 +47,7 @@ async fn show_setup(State(side): State<Arc<LocalSide>>, Path(name): Path<String>
         return too_many(&name);
     };
     match find(&side, &name) {
-        Some(drive) => json(&setup::setup_json(&side, &drive).await).into_response(),
+        Some(drive) => json(&setup::report(&side, &drive).await).into_response(),
         None => unknown(&side, &name),
     }
 }
@@ -116,8 +120,10 @@ async fn execute(side: Arc<LocalSide>, name: String, wish: SettingRequest) -> Re
 }
 
 pub(super) fn not_understood(name: &str, message: String) -> Response {
-    let mut answer = refusal(name, Reason::NotUnderstood);
-    answer["message"] = message.into();
+    let answer = OrderOutcomeDocument {
+        message: message.into(),
+        ..refusal(name, Reason::NotUnderstood)
+    };
     (StatusCode::BAD_REQUEST, json(&answer)).into_response()
 }
 
@@ -130,8 +136,9 @@ async fn reset_usage(State(side): State<Arc<LocalSide>>, Path(name): Path<String
     if !side.reset_usage(OrderingClient::TOOL, drive.description.place) {
         return too_many(&name);
     }
-    tracing::info!(drive = name, by = %Owner::Local, %before, "energy, running hours, starts and trips set back to 0");
-    json(&serde_json::json!({ "drive": name, "before": before })).into_response()
+    tracing::info!(drive = name, by = %Owner::Local, before = %value!(before), "energy, running hours, starts and trips set back to 0");
+    let drive = name.into();
+    json(&UsageResetDocument { drive, before }).into_response()
 }
 
 async fn confirm_standstill(
@@ -153,7 +160,11 @@ async fn reload(State(side): State<Arc<LocalSide>>) -> Response {
                 Err(ReloadRefusal::Configuration(_)) => StatusCode::UNPROCESSABLE_ENTITY,
                 Err(_) => StatusCode::CONFLICT,
             };
-            (status, json(&reload_answer(&done))).into_response()
+            let answer = match &done {
+                Ok(applied) => json(&applied_reload(applied)).into_response(),
+                Err(refusal) => json(&refused_reload(refusal)).into_response(),
+            };
+            (status, answer).into_response()
         }
         Err(_) => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
     }
@@ -163,24 +174,30 @@ async fn hand_over(State(side): State<Arc<LocalSide>>, body: Bytes) -> Response 
     hand_over::answer(side, OrderingClient::TOOL, &body).await
 }
 
-/// The outcome of a reload.
-fn reload_answer(done: &Reloaded) -> Value {
-    match done {
-        Ok(AppliedReload { changes, warnings }) => {
-            let change = |it: &ChangeNote| serde_json::json!({ "part": it.part.keyword(), "name": it.name, "change": it.how.keyword() });
-            let warning = |it: &Problem| serde_json::json!({ "key": it.key, "what": it.what, "right": it.right });
-            serde_json::json!({
-                "reloaded": true,
-                "changes": changes.iter().map(change).collect::<Vec<_>>(),
-                "warnings": warnings.iter().map(warning).collect::<Vec<_>>(),
-            })
-        }
-        Err(refusal) => serde_json::json!({
-            "reloaded": false,
-            "reason": refusal.keyword(),
-            "drives": refusal.drives(),
-            "message": refusal.to_string(),
-        }),
+fn applied_reload(applied: &AppliedReload) -> ReloadDocument {
+    let change = |it: &ChangeNote| ConfigurationChange {
+        part: it.part.keyword().into(),
+        name: it.name.clone(),
+        change: it.how.keyword().into(),
+    };
+    let warning = |it: &Problem| ConfigurationWarning {
+        key: it.key.clone().into(),
+        what: it.what.clone().into(),
+        right: it.right.clone(),
+    };
+    ReloadDocument {
+        reloaded: true,
+        changes: applied.changes.iter().map(change).collect(),
+        warnings: applied.warnings.iter().map(warning).collect(),
+    }
+}
+
+fn refused_reload(refusal: &ReloadRefusal) -> RefusedReload {
+    RefusedReload {
+        reloaded: false,
+        reason: refusal.keyword().into(),
+        drives: refusal.drives().to_vec(),
+        message: Some(refusal.to_string()),
     }
 }
 
@@ -193,13 +210,15 @@ pub(super) fn find(side: &LocalSide, name: &str) -> Option<Arc<SharedDrive>> {
 }
 
 pub(super) fn unknown(side: &LocalSide, name: &str) -> Response {
-    let mut answer = refusal(name, Reason::UnknownDrive);
-    answer["drives"] = side
-        .shared()
+    let shared = side.shared();
+    let names = shared
         .drives
         .iter()
-        .map(|drive| drive.description.name.as_str())
-        .collect();
+        .map(|it| it.description.name.to_string());
+    let answer = OrderOutcomeDocument {
+        drives: Some(names.collect()),
+        ..refusal(name, Reason::UnknownDrive)
+    };
     (StatusCode::NOT_FOUND, json(&answer)).into_response()
 }
 
@@ -211,6 +230,6 @@ pub(super) fn too_many(name: &str) -> Response {
         .into_response()
 }
 
-fn refusal(name: &str, reason: Reason) -> Value {
-    setup::outcome(name, Report::new(Outcome::Refused, reason), Vec::new())
+fn refusal(name: &str, reason: Reason) -> OrderOutcomeDocument {
+    setup::outcome(name, Report::refused(reason))
 }

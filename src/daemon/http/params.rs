@@ -3,7 +3,7 @@
 
 use super::answers::json as answer;
 use super::own_routes::{find, not_understood, too_many, unknown};
-use super::setup::{outcome, outcome_at, shown_or_why_not, word_json};
+use super::setup::{outcome, outcome_at, unseen, word_shown};
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::host::clock;
 use crate::daemon::local::{LocalSide, OrderingClient};
@@ -11,6 +11,10 @@ use crate::domain::address::Address;
 use crate::domain::address::DataTable;
 use crate::domain::command::{GoOrder, Order, Outcome, Owner, Reason, RegisterWrite, Report};
 use crate::drive::view::RunState;
+use crate::north::api::{
+    ChangeDocument, CommitDocument, LeftOutDocument, ListedParameterDocument, OrderOutcomeDocument,
+    ParameterDocument, ParameterGroupDocument, ParameterListDocument, SeenWord, WordDocument,
+};
 use crate::north::setup_body::{PARAMETER_EXAMPLE, parameter_number};
 use crate::north::shown::run_state;
 use crate::profile::model::{CommitEffect, Model, ParameterGroup, Register, RegisterRole};
@@ -20,7 +24,6 @@ use axum::extract::{Path, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
-use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -45,47 +48,52 @@ async fn list(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) -> R
     };
     let description = &drive.description;
     let model = &*drive.description.model;
-    let shown = json!({
-        "drive": description.name.as_str(),
-        "line": description.line.as_str(),
-        "model": model.id,
-        "may_be_written": description.control.is_some(),
-        "parameters": model.parameters().map(|register| parameter(model, register)).collect::<Vec<_>>(),
-        "commit": commit_word(model),
-        "left_out": left_out(model),
-        "groups": model.groups().iter().map(|group| others(model, group)).collect::<Vec<_>>(),
-    });
+    let parameters = model.parameters();
+    let groups = model.groups();
+    let shown = ParameterListDocument {
+        drive: description.name.to_string().into(),
+        line: description.line.to_string().into(),
+        model: model.id.clone().into(),
+        may_be_written: description.control.is_some(),
+        parameters: parameters
+            .map(|register| parameter(model, register))
+            .collect(),
+        commit: commit_word(model),
+        left_out: left_out(model),
+        groups: groups.iter().map(|group| others(model, group)).collect(),
+    };
     answer(&shown).into_response()
 }
 
-fn parameter(model: &Model, register: &Register) -> Value {
-    json!({
-        "code": register.label(),
-        "name": register.name,
-        "title": register.title,
-        "address": register.address.number(),
-        "unit": register.unit.symbol(),
-        "kind": register.parameter_kind().keyword(),
-        "reason": register.back_door,
-        "is_stored": model.is_stored(register.address),
-    })
+fn parameter(model: &Model, register: &Register) -> ListedParameterDocument {
+    ListedParameterDocument {
+        code: register.label().to_owned().into(),
+        name: register.name.clone().into(),
+        title: register.title.clone().into(),
+        address: register.address.number(),
+        unit: register.unit.symbol().into(),
+        kind: register.parameter_kind().keyword().into(),
+        reason: register.back_door.clone(),
+        is_stored: model.is_stored(register.address),
+    }
 }
 
-/// The word that follows the last parameter that is restored; `null` if the drive needs none.
-fn commit_word(model: &Model) -> Value {
+/// The word that follows the last parameter that is restored; `None` if the drive needs none.
+fn commit_word(model: &Model) -> Option<CommitDocument> {
     let stated = [CommitEffect::Store, CommitEffect::Apply]
         .into_iter()
         .find_map(|it| model.commit.stated(it));
-    let last = model.last_commit().or(stated.map(|fact| &fact.value));
-    last.map_or(Value::Null, |word| {
-        let is_sent = model.commit(word.effect).is_some();
-        let what = model.writable_at(word.address).map(Register::label);
-        json!({ "does": word.effect.keyword(), "what": what, "is_sent": is_sent })
+    let word = model.last_commit().or(stated.map(|fact| &fact.value))?;
+    let register = model.writable_at(word.address);
+    Some(CommitDocument {
+        does: word.effect.keyword().into(),
+        what: register.map(|register| register.label().to_owned()),
+        is_sent: model.commit(word.effect).is_some(),
     })
 }
 
 /// The registers of the model that are not parameters, each with the reason.
-fn left_out(model: &Model) -> Vec<Value> {
+fn left_out(model: &Model) -> Vec<LeftOutDocument> {
     let reason = |register: &Register| match (register.access.can_read(), register.role) {
         (
             false,
@@ -102,18 +110,25 @@ fn left_out(model: &Model) -> Vec<Value> {
     };
     let left_out = model.registers.iter().filter_map(|register| {
         let reason = reason(register)?;
-        Some(json!({ "code": register.label(), "address": register.address.number(), "reason": reason }))
+        Some(LeftOutDocument {
+            code: register.label().to_owned().into(),
+            address: register.address.number(),
+            reason: reason.into(),
+        })
     });
     left_out.collect()
 }
 
 /// A group of parameters, including those that the model does not describe: the drive may or may not have them.
-fn others(model: &Model, group: &ParameterGroup) -> Value {
+fn others(model: &Model, group: &ParameterGroup) -> ParameterGroupDocument {
     let unknown = model
         .addresses_of(group)
         .filter(|address| !model.has_word_at(*address))
         .map(Address::number);
-    json!({ "name": group.name, "unknown": unknown.collect::<Vec<_>>() })
+    ParameterGroupDocument {
+        name: group.name.clone().into(),
+        unknown: unknown.collect(),
+    }
 }
 
 /// The present value of one of them.
@@ -148,11 +163,20 @@ async fn show_parameter(
         None if !at_rest => Err(Report::refused(Reason::Moving)),
         _ => read(&side, &drive, address).await,
     };
-    let held = found.as_ref().ok().map(|held| number(register, *held));
-    let mut shown = shown_or_why_not(model, held, found.as_ref().err());
-    shown.insert("address".to_owned(), address.into());
-    shown.insert("code".to_owned(), code.into());
-    answer(&shown.into()).into_response()
+    let seen = match found {
+        Ok(held) => SeenWord {
+            found: Some(number(register, held)),
+            ..SeenWord::default()
+        },
+        Err(failure) => unseen(model, &failure),
+    };
+    let code = code.into();
+    answer(&ParameterDocument {
+        code,
+        address,
+        seen,
+    })
+    .into_response()
 }
 
 /// Writes one of them.
@@ -237,9 +261,11 @@ fn readable(drive: &SharedDrive, address: u16) -> Option<&Register> {
 }
 
 fn no_parameter(name: &str, address: u16) -> Response {
-    let mut refusal = outcome(name, Report::refused(Reason::NotListed), Vec::new());
-    refusal["message"] =
-        format!("the model has no parameter at 0x{address:04X} that can be read").into();
+    let message = format!("the model has no parameter at 0x{address:04X} that can be read");
+    let refusal = OrderOutcomeDocument {
+        message: message.into(),
+        ..outcome(name, Report::refused(Reason::NotListed))
+    };
     (StatusCode::UNPROCESSABLE_ENTITY, answer(&refusal)).into_response()
 }
 
@@ -259,14 +285,17 @@ async fn read(side: &LocalSide, drive: &SharedDrive, address: u16) -> Result<u32
 }
 
 /// The number and its meaning, if it is more than a number.
-fn number(register: Option<&Register>, raw: u32) -> Value {
+fn number(register: Option<&Register>, raw: u32) -> WordDocument {
     let of_two = register.and_then(|register| Some((register, register.form.pair?)));
     let Some((register, order)) = of_two else {
-        return word_json(register, (raw & 0xFFFF) as u16);
+        return word_shown(register, (raw & 0xFFFF) as u16);
     };
     let words = order.words(raw);
     let value = register.value(|address| address.word_in(register.address, &words));
-    json!({ "raw": raw, "text": value.map(|value| format!("{value} {}", register.unit)) })
+    WordDocument {
+        raw,
+        text: value.map(|value| format!("{value} {}", register.unit)),
+    }
 }
 
 /// The write of `raw` to the register at `address`; `None` if its words do not hold that.
@@ -281,7 +310,12 @@ fn written(model: &Model, address: u16, raw: u32) -> Option<RegisterWrite> {
 }
 
 /// The old value is read first, because it is logged.
-async fn write(side: &LocalSide, drive: &SharedDrive, address: u16, new: u32) -> Value {
+async fn write(
+    side: &LocalSide,
+    drive: &SharedDrive,
+    address: u16,
+    new: u32,
+) -> OrderOutcomeDocument {
     let description = &drive.description;
     let model = &*drive.description.model;
     let name = description.name.as_str();
@@ -300,10 +334,10 @@ async fn write(side: &LocalSide, drive: &SharedDrive, address: u16, new: u32) ->
         }
     };
     let Some(write) = written(model, address, new) else {
-        return outcome(name, Report::refused(Reason::OutsideRange), Vec::new());
+        return outcome(name, Report::refused(Reason::OutsideRange));
     };
     let Some(go) = GoOrder::new(vec![write], None, None) else {
-        return outcome(name, Report::refused(Reason::NotUnderstood), Vec::new());
+        return outcome(name, Report::refused(Reason::NotUnderstood));
     };
     let report = side
         .command(OrderingClient::TOOL, place, Order::Go(go))
@@ -312,9 +346,11 @@ async fn write(side: &LocalSide, drive: &SharedDrive, address: u16, new: u32) ->
     let result = report.outcome.keyword();
     let reason = report.reason.keyword();
     tracing::info!(drive = name, by = %Owner::Local, what, old, new, outcome = result, reason, "parameter set");
-    outcome_at(
-        drive,
-        report,
-        vec![json!({ "what": what, "address": address, "old": old, "new": new })],
-    )
+    let change = ChangeDocument {
+        what: what.to_owned().into(),
+        address: Some(address),
+        old: Some(old),
+        new: Some(new),
+    };
+    outcome_at(drive, report, vec![change])
 }

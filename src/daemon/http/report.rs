@@ -1,11 +1,13 @@
 //! Reports of a line, over the last minutes or over a span that the client waits for.
 
-use super::answers::json;
+use super::answers::{json, refusal};
 use super::health::line_names;
+use super::query::QueryKeys;
 use super::state::HttpState;
 use crate::daemon::exchange::shared::SharedLine;
 use crate::daemon::host::clock;
 use crate::domain::ids::Station;
+use crate::north::api::UnknownLineDocument;
 use crate::north::report::{DriveSeen, LineObserved, LineSeen, document};
 use crate::north::shown::warning_text;
 use axum::Router;
@@ -13,7 +15,6 @@ use axum::extract::{Path, State};
 use axum::http::{StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-use serde_json::json as value;
 use std::collections::{HashMap, VecDeque};
 use std::ops::RangeInclusive;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -103,31 +104,22 @@ async fn report(
             .cloned()
     };
     let Some(line) = find() else {
-        let known = line_names(gateway);
-        let error = format!("there is no line called {name}");
-        return (
-            StatusCode::NOT_FOUND,
-            json(&value!({ "error": error, "lines": known })),
-        )
-            .into_response();
+        let answer = UnknownLineDocument {
+            error: format!("there is no line called {name}").into(),
+            lines: line_names(gateway),
+        };
+        return (StatusCode::NOT_FOUND, json(&answer)).into_response();
     };
-    let Some(span) = span(uri.query()) else {
-        let (first, last) = SPAN_SECONDS.into_inner();
-        let error = format!(
-            "seconds={first} to seconds={last} is expected, or no query for the last minutes"
-        );
-        return (StatusCode::BAD_REQUEST, json(&value!({ "error": error }))).into_response();
+    let span = match span(uri.query()) {
+        Ok(span) => span,
+        Err(error) => return refusal(StatusCode::BAD_REQUEST, &error),
     };
     let (before, line) = match span {
         None => (history.oldest(line.number), line),
         Some(span) => {
             let Ok(_place) = history.places.try_acquire() else {
                 let error = format!("{WAITING_MAX} reports are already in progress");
-                return (
-                    StatusCode::SERVICE_UNAVAILABLE,
-                    json(&value!({ "error": error })),
-                )
-                    .into_response();
+                return refusal(StatusCode::SERVICE_UNAVAILABLE, &error);
             };
             let before = Arc::new(line_seen(&line));
             tokio::time::sleep(span).await;
@@ -139,18 +131,11 @@ async fn report(
     json(&document(&line.name, &line.wiring, &observed)).into_response()
 }
 
-/// The span of `query`: `Some(None)` without a query, `Some(Some(span))` for `seconds=N` alone, `None` for anything
-/// else.
-fn span(query: Option<&str>) -> Option<Option<Duration>> {
-    let Some(query) = query.filter(|query| !query.is_empty()) else {
-        return Some(None);
-    };
-    let seconds = query
-        .strip_prefix("seconds=")?
-        .parse()
-        .ok()
-        .filter(|seconds| SPAN_SECONDS.contains(seconds))?;
-    Some(Some(Duration::from_secs(seconds)))
+/// The span that `query` asks for; `None` for the last minutes.
+fn span(query: Option<&str>) -> Result<Option<Duration>, String> {
+    let seconds = QueryKeys::seconds(query, &SPAN_SECONDS)
+        .map_err(|expected| format!("{expected}, or no query for the last minutes"))?;
+    Ok(seconds.map(Duration::from_secs))
 }
 
 /// The line as it is now.
@@ -203,7 +188,7 @@ mod tests {
             (Some("seconds=x"), None),
             (Some("minutes=1"), None),
         ] {
-            assert_eq!(span(query), wanted, "{query:?}");
+            assert_eq!(span(query).ok(), wanted, "{query:?}");
         }
     }
 

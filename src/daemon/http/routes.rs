@@ -103,7 +103,7 @@ async fn alive(State(gateway): State<Arc<HttpState>>) -> Response {
 
 async fn ready(State(gateway): State<Arc<HttpState>>) -> Response {
     let readiness = health::readiness(&gateway);
-    let status = if readiness["ready"] == true {
+    let status = if readiness.ready {
         StatusCode::OK
     } else {
         StatusCode::SERVICE_UNAVAILABLE

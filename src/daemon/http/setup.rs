@@ -9,12 +9,15 @@ use crate::domain::command::{Order, Owner, Reason, Report};
 use crate::domain::link::Interface;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveRef;
+use crate::north::api::{
+    ChangeDocument, IdentityDocument, OrderOutcomeDocument, SeenWord, SetupDocument,
+    SetupItemDocument, SetupWatchdogDocument, WordDocument,
+};
 use crate::north::shown::message;
 use crate::profile::model::{
     CommitEffect, Model, ModelIdentity, ModelWatchdog, Register, RunForm, SetupItem,
 };
 use crate::profile::scale::ScaledValue;
-use serde_json::{Map, Value, json};
 use std::time::Duration;
 
 /// Longest time for all reads of one request.
@@ -24,7 +27,7 @@ const READ_WITHIN: Duration = Duration::from_secs(5);
 pub(super) type Found = Result<u16, Report>;
 
 /// Reads which drive it is and what has to be set on it, and shows both.
-pub(super) async fn setup_json(side: &LocalSide, drive: &SharedDrive) -> Value {
+pub(super) async fn report(side: &LocalSide, drive: &SharedDrive) -> SetupDocument {
     let description = &drive.description;
     let model = &*drive.description.model;
     let items: Vec<_> = concerned(side, drive).collect();
@@ -52,22 +55,29 @@ pub(super) async fn setup_json(side: &LocalSide, drive: &SharedDrive) -> Value {
     let is_watched = watchdog.is_none_or(|watchdog| matches!(found_at(watchdog.time), Some(Ok(_))));
     let identity =
         identity.map(|identity| shown_identity(drive, identity, found_at(identity.address)));
-    let is_it = identity.as_ref().is_none_or(|it| it["result"] == "right");
-    json!({
-        "drive": description.name.as_str(),
-        "line": description.line.as_str(),
-        "model": model.id,
-        "right": is_right && is_watched && is_it,
-        "identity": identity,
-        "items": seen.iter().map(|(item, found)| shown_item(model, item, *found)).collect::<Vec<_>>(),
-        "watchdog": watchdog.map(|watchdog| shown_watchdog(drive, watchdog, found_at)),
-        "takes_priority": takes_priority(model),
-    })
+    let is_it = identity.as_ref().is_none_or(|it| it.result == "right");
+    let items = seen.iter();
+    SetupDocument {
+        drive: description.name.to_string().into(),
+        line: description.line.to_string().into(),
+        model: model.id.clone().into(),
+        right: is_right && is_watched && is_it,
+        identity,
+        items: items
+            .map(|(item, found)| shown_item(model, item, *found))
+            .collect(),
+        watchdog: watchdog.map(|watchdog| shown_watchdog(drive, watchdog, found_at)),
+        takes_priority: takes_priority(model),
+    }
 }
 
 /// Sets the registers at `addresses` to what the model demands, and tells what became of it. What was there before is
 /// read first, because the log has to say it.
-pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, addresses: Vec<Address>) -> Value {
+pub(super) async fn set(
+    side: &LocalSide,
+    drive: &SharedDrive,
+    addresses: Vec<Address>,
+) -> OrderOutcomeDocument {
     let name = &drive.description.name;
     let place = drive.description.place;
     let items: Vec<_> = concerned(side, drive)
@@ -77,11 +87,7 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, addresses: Vec<Ad
         .iter()
         .all(|address| items.iter().any(|item| item.address == Some(*address)))
     {
-        return outcome(
-            name.as_str(),
-            Report::refused(Reason::NotCapable),
-            Vec::new(),
-        );
+        return outcome(name.as_str(), Report::refused(Reason::NotCapable));
     }
     let old = read(side, place, addresses.iter().copied()).await;
     let report = side
@@ -98,29 +104,41 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, addresses: Vec<Ad
         let outcome = report.outcome.keyword();
         let reason = report.reason.keyword();
         tracing::info!(drive = %name, by = %Owner::Local, what, old, new, outcome, reason, "set for bus control");
-        changes.push(json!({ "what": what, "address": item.address.map(Address::number), "old": old, "new": new }));
+        changes.push(ChangeDocument {
+            what: what.to_owned().into(),
+            address: item.address.map(Address::number),
+            old: old.copied().map(u32::from),
+            new: new.map(u32::from),
+        });
     }
     outcome_at(drive, report, changes)
 }
 
 /// The outcome of an order for `drive`, with its vendor's words for an exception.
-pub(super) fn outcome_at(drive: &SharedDrive, report: Report, changes: Vec<Value>) -> Value {
-    let mut told = outcome(drive.description.name.as_str(), report, changes);
-    told["message"] = message(&drive.description.model, &report).into();
-    told
+pub(super) fn outcome_at(
+    drive: &SharedDrive,
+    report: Report,
+    changes: Vec<ChangeDocument>,
+) -> OrderOutcomeDocument {
+    OrderOutcomeDocument {
+        message: message(&drive.description.model, &report).into(),
+        changes,
+        ..outcome(drive.description.name.as_str(), report)
+    }
 }
 
-/// The outcome of an order for the drive called `name`.
-pub(super) fn outcome(name: &str, report: Report, changes: Vec<Value>) -> Value {
-    json!({
-        "drive": name,
-        "outcome": report.outcome.keyword(),
-        "reason": report.reason.keyword(),
-        "message": report.message(),
-        "held": report.held,
-        "exception": report.exception,
-        "changes": changes,
-    })
+/// The outcome of an order for the drive called `name`, which changed nothing.
+pub(super) fn outcome(name: &str, report: Report) -> OrderOutcomeDocument {
+    OrderOutcomeDocument {
+        drive: name.to_owned().into(),
+        outcome: report.outcome.keyword().into(),
+        reason: report.reason.keyword().into(),
+        message: report.message().into(),
+        held: report.held,
+        exception: report.exception,
+        changes: Vec::new(),
+        drives: None,
+    }
 }
 
 /// The items that concern the drive's line, in the model's order.
@@ -169,7 +187,7 @@ fn is_right(item: &SetupItem, found: Option<&Found>) -> bool {
     }
 }
 
-fn shown_item(model: &Model, item: &SetupItem, found: Option<&Found>) -> Value {
+fn shown_item(model: &Model, item: &SetupItem, found: Option<&Found>) -> SetupItemDocument {
     let register = item.address.and_then(|address| model.register_at(address));
     let result = match found {
         None => "at_the_drive",
@@ -177,22 +195,15 @@ fn shown_item(model: &Model, item: &SetupItem, found: Option<&Found>) -> Value {
         Some(Ok(_)) => "wrong",
         Some(Err(_)) => "not_answered",
     };
-    let mut shown = seen(model, register, found);
-    shown.insert("what".to_owned(), item.what.as_str().into());
-    shown.insert("text".to_owned(), item.text.as_str().into());
-    shown.insert(
-        "address".to_owned(),
-        item.address.map(Address::number).into(),
-    );
-    let wanted = item
-        .values
-        .value
-        .iter()
-        .map(|value| word_json(register, *value))
-        .collect::<Vec<_>>();
-    shown.insert("wanted".to_owned(), wanted.into());
-    shown.insert("result".to_owned(), result.into());
-    shown.into()
+    let wanted = item.values.value.iter();
+    SetupItemDocument {
+        what: item.what.clone().into(),
+        text: item.text.clone().into(),
+        address: item.address.map(Address::number),
+        wanted: wanted.map(|value| word_shown(register, *value)).collect(),
+        result: result.into(),
+        seen: seen(model, register, found),
+    }
 }
 
 /// Whether the drive is the one that the configuration names, and which one it is otherwise.
@@ -200,7 +211,7 @@ fn shown_identity(
     drive: &SharedDrive,
     identity: &ModelIdentity,
     found: Option<&Found>,
-) -> Map<String, Value> {
+) -> IdentityDocument {
     let description = &drive.description;
     let qualified = description
         .control
@@ -219,20 +230,21 @@ fn shown_identity(
     };
     let register = description.model.register_at(identity.address);
     let wanted = qualified.map_or_else(|| identity.values.value.clone(), |word| vec![word]);
-    let mut shown = seen(&description.model, register, found);
-    shown.insert("what".to_owned(), register.map(Register::label).into());
-    shown.insert("mask".to_owned(), identity.mask.into());
-    shown.insert("wanted".to_owned(), wanted.into());
-    shown.insert("result".to_owned(), result.into());
-    shown.insert("other".to_owned(), other.into());
-    shown
+    IdentityDocument {
+        what: register.map(|register| register.label().to_owned()),
+        mask: Some(identity.mask),
+        wanted,
+        result: result.into(),
+        other: other.map(str::to_owned),
+        seen: seen(&description.model, register, found),
+    }
 }
 
 fn shown_watchdog<'f>(
     drive: &SharedDrive,
     watchdog: &ModelWatchdog,
     found_at: impl Fn(Address) -> Option<&'f Found>,
-) -> Map<String, Value> {
+) -> SetupWatchdogDocument {
     let model = &*drive.description.model;
     let register = model.register_at(watchdog.time);
     let found = found_at(watchdog.time);
@@ -248,61 +260,44 @@ fn shown_watchdog<'f>(
     };
     let action = watchdog.action.and_then(|address| {
         let held = found_at(address)?.as_ref().ok()?;
-        Some(word_json(model.register_at(address), *held))
+        Some(word_shown(model.register_at(address), *held))
     });
-    let mut shown = seen(model, register, found);
-    let what = register.map(|register| register.code.as_deref().unwrap_or(&register.name));
-    shown.insert("what".to_owned(), what.into());
-    shown.insert("state".to_owned(), state.into());
-    shown.insert("action".to_owned(), action.into());
-    shown.insert("judged".to_owned(), judged.into());
     // One that is stored by a word of its own may have been.
     let is_stored = model.is_stored(watchdog.time) || model.commit(CommitEffect::Store).is_some();
-    shown.insert("is_stored".to_owned(), is_stored.into());
-    shown
+    SetupWatchdogDocument {
+        what: register.map(|register| register.label().to_owned()),
+        state: state.into(),
+        action,
+        judged: judged.map(str::to_owned),
+        is_stored: Some(is_stored),
+        seen: seen(model, register, found),
+    }
 }
 
 /// The word that was read, or why it could not be.
-pub(super) fn seen(
-    model: &Model,
-    register: Option<&Register>,
-    found: Option<&Found>,
-) -> Map<String, Value> {
-    let failure = found.and_then(|found| found.as_ref().err());
-    let held = found
-        .and_then(|found| found.as_ref().ok())
-        .map(|held| word_json(register, *held));
-    shown_or_why_not(model, held, failure)
+fn seen(model: &Model, register: Option<&Register>, found: Option<&Found>) -> SeenWord {
+    match found {
+        None => SeenWord::default(),
+        Some(Ok(held)) => SeenWord {
+            found: Some(word_shown(register, *held)),
+            ..SeenWord::default()
+        },
+        Some(Err(failure)) => unseen(model, failure),
+    }
 }
 
-/// A value that was read, or why it could not be.
-pub(super) fn shown_or_why_not(
-    model: &Model,
-    word: Option<Value>,
-    failure: Option<&Report>,
-) -> Map<String, Value> {
-    let keys = [
-        ("found", word.unwrap_or(Value::Null)),
-        (
-            "reason",
-            failure.map(|report| report.reason.keyword()).into(),
-        ),
-        (
-            "message",
-            failure.map(|report| message(model, report)).into(),
-        ),
-        (
-            "exception",
-            failure.and_then(|report| report.exception).into(),
-        ),
-    ];
-    keys.into_iter()
-        .map(|(key, value)| (key.to_owned(), value))
-        .collect()
+/// Why a word could not be read.
+pub(super) fn unseen(model: &Model, failure: &Report) -> SeenWord {
+    SeenWord {
+        found: None,
+        reason: Some(failure.reason.keyword().to_owned()),
+        message: Some(message(model, failure)),
+        exception: failure.exception,
+    }
 }
 
 /// A word and its meaning, if it is more than a number.
-pub(super) fn word_json(register: Option<&Register>, raw: u16) -> Value {
+pub(super) fn word_shown(register: Option<&Register>, raw: u16) -> WordDocument {
     let text = register.and_then(|register| {
         let is_plain = register.unit == UnitOfMeasure::None && register.scale == 1;
         let scaled = || {
@@ -315,7 +310,10 @@ pub(super) fn word_json(register: Option<&Register>, raw: u16) -> Value {
         let meaning = register.meaning(raw).map(str::to_owned);
         meaning.or_else(|| (!is_plain).then(scaled))
     });
-    json!({ "raw": raw, "text": text })
+    WordDocument {
+        raw: raw.into(),
+        text,
+    }
 }
 
 /// Whether the drive obeys every command from the bus whatever its own settings say.

@@ -391,7 +391,7 @@ fn a_line_of_two_gateways_is_shown_with_the_role() {
     ] {
         assert!(text.lines().any(|it| it == line), "no {line} in\n{text}");
     }
-    let health = super::health::health(&state, clock::now());
+    let health = serde_json::json!(super::health::health(&state, clock::now()));
     let expected = serde_json::json!({ "role": "active", "half": null, "partner": null, "take_overs": 3, "given_up": 2,
         "rivals": 1, "hears_other": false, "listener": true, "deaf": false, "files_differ": false,
         "unknown_station": null });

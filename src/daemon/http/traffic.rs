@@ -3,13 +3,15 @@
 //! An answer ends by itself before its connection does, and says so: a client that returns with the number of the last
 //! record it has seen continues after that one.
 
-use super::answers::json;
+use super::answers::refusal;
 use super::state::HttpState;
-use crate::daemon::exchange::shared::SharedLine;
+use crate::daemon::exchange::shared::{SharedDrive, SharedLine};
 use crate::daemon::exchange::traffic::{LISTENERS_MAX, TrafficListener};
 use crate::daemon::host::clock;
 use crate::domain::calendar::rfc3339;
+use crate::domain::ids::Station;
 use crate::domain::time::{MonoTime, WallTime};
+use crate::north::api::{LostRecords, TrafficDriveDocument, TrafficLineDocument};
 use crate::north::traffic::{KnownDrive, LineFacts, TrafficDecoder};
 use crate::toml_file::words::{SHOWN_FRAMINGS, word_for};
 use axum::Router;
@@ -19,7 +21,8 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use hyper::body::{Body as HttpBody, Frame as BodyFrame};
-use serde_json::{Value, json as value};
+use serde::Serialize;
+use serde_json::json;
 use std::convert::Infallible;
 use std::fmt::Write;
 use std::pin::Pin;
@@ -53,7 +56,7 @@ async fn watch(
     let Some(line) = shared.lines.iter().find(|line| line.name.as_str() == name) else {
         let lines: Vec<_> = shared.lines.iter().map(|line| line.name.as_str()).collect();
         let error = format!("no line is called {name}; there is {}", lines.join(", "));
-        return refused(StatusCode::NOT_FOUND, &error);
+        return refusal(StatusCode::NOT_FOUND, &error);
     };
     let after = headers
         .get("last-event-id")
@@ -61,17 +64,13 @@ async fn watch(
     let Some(listener) = TrafficListener::new(Arc::clone(line), after, clock::now) else {
         let error =
             format!("line {name} is already watched by {LISTENERS_MAX} clients, the maximum");
-        return refused(StatusCode::SERVICE_UNAVAILABLE, &error);
+        return refusal(StatusCode::SERVICE_UNAVAILABLE, &error);
     };
     let headers = [
         (header::CONTENT_TYPE, "text/event-stream"),
         (header::CACHE_CONTROL, "no-store"),
     ];
     (headers, Body::new(TrafficEvents::new(gateway, listener))).into_response()
-}
-
-fn refused(status: StatusCode, error: &str) -> Response {
-    (status, json(&value!({ "error": error }))).into_response()
 }
 
 /// The events of one answer.
@@ -126,11 +125,12 @@ impl TrafficEvents {
         self.has_more = news.records.len() == RECORDS_AT_ONCE;
         if news.lost > 0 {
             self.decoder.skip();
-            event(&mut text, "lost", &value!({ "records": news.lost }));
+            let records = news.lost;
+            event(&mut text, "lost", &LostRecords { records });
         }
         for (number, record) in news.records {
             let at = self.clock.rfc3339(record.at());
-            let frame = self.decoder.decode(&record).json(&at, &record.bytes);
+            let frame = self.decoder.decode(&record).document(at, &record.bytes);
             let _ = writeln!(text, "id: {}.{number}", self.listener.line().number);
             event(&mut text, "frame", &frame);
         }
@@ -144,11 +144,11 @@ impl TrafficEvents {
                 .any(|line| Arc::ptr_eq(line, self.listener.line()))
         };
         if !self.has_more && (now.since(self.begun) >= LASTS || is_gone()) {
-            event(&mut text, "again", &value!({}));
+            event(&mut text, "again", &json!({}));
             self.has_ended = true;
         }
         if text.is_empty() && now.since(self.last_said) >= ALIVE_EVERY {
-            event(&mut text, "alive", &value!({}));
+            event(&mut text, "alive", &json!({}));
         }
         if !text.is_empty() {
             self.last_said = now;
@@ -185,7 +185,8 @@ fn number_in(id: &str, line: &SharedLine) -> Option<u64> {
     Some(if of == line.number { number } else { 0 })
 }
 
-fn event(text: &mut String, name: &str, data: &Value) {
+fn event<T: Serialize>(text: &mut String, name: &str, data: &T) {
+    let data = json!(data);
     let _ = write!(text, "event: {name}\ndata: {data}\n\n");
 }
 
@@ -210,20 +211,22 @@ pub(super) fn facts(line: &SharedLine) -> LineFacts {
 }
 
 /// The description of the line with which an answer begins.
-pub(super) fn about(line: &SharedLine) -> Value {
+pub(super) fn about(line: &SharedLine) -> TrafficLineDocument {
     let characters = line.wiring.characters();
-    let drives = line.drives.iter().zip(&line.wiring.stations).map(|(drive, station)| {
-        let description = &drive.description;
-        value!({ "name": description.name.as_str(), "station": station.0, "model": description.model.id })
-    });
-    value!({
-        "line": line.name.as_str(),
-        "framing": word_for(&SHOWN_FRAMINGS, &line.wiring.framing),
-        "port": line.wiring.port,
-        "link": characters.map(|link| link.to_string()),
-        "baud": characters.map(|link| link.baud),
-        "drives": drives.collect::<Vec<_>>(),
-    })
+    let drives = line.drives.iter().zip(&line.wiring.stations);
+    let drive = |(drive, station): (&Arc<SharedDrive>, &Station)| TrafficDriveDocument {
+        name: drive.description.name.to_string().into(),
+        station: station.0,
+        model: drive.description.model.id.clone().into(),
+    };
+    TrafficLineDocument {
+        line: line.name.to_string().into(),
+        framing: word_for(&SHOWN_FRAMINGS, &line.wiring.framing).into(),
+        port: line.wiring.port.clone().into(),
+        link: characters.map(|link| link.to_string()),
+        baud: characters.map(|link| link.baud),
+        drives: drives.map(drive).collect(),
+    }
 }
 
 /// The wall clock as of the beginning of the answer: intervals stay right although the clock may be set meanwhile.

@@ -5,7 +5,8 @@ use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::host::clock;
 use crate::daemon::local::{LocalSide, OrderingClient};
 use crate::domain::command::{GoOrder, Order, Outcome, Owner, Reason, RegisterWrite, Report};
-use serde_json::{Value, json};
+use crate::north::api::{ChangeDocument, OrderOutcomeDocument};
+use crate::profile::model::Register;
 use std::time::Duration;
 
 /// Longest time for the read before.
@@ -13,12 +14,16 @@ const READ_WITHIN: Duration = Duration::from_secs(5);
 
 /// Sets the watchdog of `drive` to exactly `time`, or off if `None`, and reports the outcome. The old value is read
 /// first, because it is logged; a drive that does not return it is not set.
-pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, time: Option<Duration>) -> Value {
+pub(super) async fn set(
+    side: &LocalSide,
+    drive: &SharedDrive,
+    time: Option<Duration>,
+) -> OrderOutcomeDocument {
     let description = &drive.description;
     let model = &*drive.description.model;
     let name = description.name.as_str();
     let place = description.place;
-    let refused = |reason| outcome(name, Report::refused(reason), Vec::new());
+    let refused = |reason| outcome(name, Report::refused(reason));
     let Some(watchdog) = &model.watchdog else {
         return refused(Reason::NotCapable);
     };
@@ -45,15 +50,17 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, time: Option<Dura
     let report = side
         .command(OrderingClient::TOOL, place, Order::Go(go))
         .await;
-    let register = model.register_at(address);
-    let what = register.map_or("-", |register| {
-        register.code.as_deref().unwrap_or(&register.name)
-    });
+    let what = model.register_at(address).map_or("-", Register::label);
     let result = report.outcome.keyword();
     let reason = report.reason.keyword();
     tracing::info!(
         drive = name, by = %Owner::Local, what, old, new = value, outcome = result, reason, "drive watchdog set"
     );
-    let change = json!({ "what": what, "address": address.number(), "old": old, "new": value });
+    let change = ChangeDocument {
+        what: what.to_owned().into(),
+        address: Some(address.number()),
+        old: Some(old.into()),
+        new: Some(value.into()),
+    };
     outcome_at(drive, report, vec![change])
 }

@@ -4,8 +4,8 @@ use super::reader;
 use crate::domain::calendar::day;
 use crate::drive::usage::{EnergySource, UsagePart, UsageTotals};
 use crate::journal::days::{DAYS_MAX, DayNumber, DayUsage, from_row, to_row};
+use crate::north::api::DayDocument;
 use rusqlite::{Connection, Error, OptionalExtension, Transaction, params};
-use serde_json::{Value, json};
 use std::path::Path;
 
 /// One day of one drive.
@@ -23,22 +23,22 @@ pub struct DayRow {
 pub const COLUMNS: &str = "day,drive,energy_kwh,energy_from,running_hours,starts,trips\n";
 
 impl DayRow {
-    /// The row as JSON.
+    /// The row as a document.
     #[must_use]
-    pub fn in_json(&self) -> Value {
+    pub fn document(&self) -> DayDocument {
         let DayUsage {
             totals,
             energy_from,
         } = self.usage;
-        json!({
-            "day": day(self.day.begin()),
-            "drive": self.drive,
-            "energy_kwh": energy_from.map(|_| totals.value(UsagePart::Energy).value()),
-            "energy_from": energy_from.map(EnergySource::keyword),
-            "running_hours": totals.value(UsagePart::RunningHours).value(),
-            "starts": totals.starts,
-            "trips": totals.trips,
-        })
+        DayDocument {
+            day: day(self.day.begin()).into(),
+            drive: self.drive.clone().into(),
+            energy_kwh: energy_from.map(|_| totals.value(UsagePart::Energy).value()),
+            energy_from: energy_from.map(|from| from.keyword().to_owned()),
+            running_hours: totals.value(UsagePart::RunningHours).value(),
+            starts: totals.starts,
+            trips: totals.trips,
+        }
     }
 
     /// The row as a line of CSV, with its line break. A name needs no quotes.

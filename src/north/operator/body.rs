@@ -1,12 +1,12 @@
 //! Bodies of requests from the page: everything that is not exactly known is refused by name.
 
 use crate::domain::command::Order;
+use crate::north::api::{EmptyBody, read_exactly};
 use crate::north::command_words::{
     OrderWords, RefusedCommand, RunWord, beside_a_stop, exact_keys, object, only_true,
-    orders_nothing, stop_in, without_mark,
+    orders_nothing, stop_in,
 };
 use crate::profile::scale::Decimal;
-use serde_json::{Map, Value};
 
 /// Longest body in bytes: a password and some more.
 pub const BODY_BYTES_MAX: usize = 4096;
@@ -65,29 +65,18 @@ fn parse_whole_command(body: &[u8], step: Option<Decimal>) -> Result<PageCommand
     })
 }
 
-/// The user and the password in `body`; `None` unless it is an object with only these.
-#[must_use]
-pub fn sign_in(body: &[u8]) -> Option<(String, String)> {
-    let Value::Object(object) = serde_json::from_slice(without_mark(body)).ok()? else {
-        return None;
-    };
-    let text = |object: &Map<String, Value>, key| object.get(key)?.as_str().map(str::to_owned);
-    let found = (text(&object, "user")?, text(&object, "password")?);
-    (object.len() == 2).then_some(found)
-}
-
 /// Whether `body` is empty: absent, or an empty object.
 #[must_use]
 pub fn is_empty(body: &[u8]) -> bool {
-    body.is_empty()
-        || matches!(serde_json::from_slice(without_mark(body)), Ok(Value::Object(object)) if object.is_empty())
+    body.is_empty() || read_exactly::<EmptyBody>(body).is_some()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::command::{Direction, Reason};
+    use crate::domain::command::{Direction, GoOrder, Reason};
     use crate::domain::frequency::Hertz;
+    use crate::north::api::SignInBody;
 
     #[test]
     fn a_body_orders_what_it_says() {
@@ -183,6 +172,10 @@ mod tests {
 
     #[test]
     fn a_sign_in_is_a_user_and_a_password() {
+        let sign_in = |body: &[u8]| {
+            let SignInBody { user, password } = read_exactly(body)?;
+            Some((user, password))
+        };
         let found = sign_in(SIGN_IN_EXAMPLE.as_bytes());
         assert_eq!(found, Some(("anna".to_owned(), "...".to_owned())));
         for wrong in [

@@ -6,50 +6,57 @@ use crate::domain::ids::Name;
 use crate::domain::link::Wiring;
 use crate::domain::report::{LineState, REPLY_CLASSES, ReplyReport};
 use crate::drive::snapshot::DrivePresence;
+use crate::north::api::{
+    DriveReportDocument, LineReportDocument, RatesDocument, ReplyTimesDocument,
+};
 use crate::north::finding::{self, Finding};
-use serde_json::{Value, json};
 use std::time::Duration;
 
 /// What was `observed` on the line called `name`, with its verdict.
 #[must_use]
-pub fn document(name: &Name, wiring: &Wiring, observed: &LineObserved) -> Value {
+pub fn document(name: &Name, wiring: &Wiring, observed: &LineObserved) -> LineReportDocument {
     let line = &observed.line;
     let is_up = line.state == LineState::Up;
-    json!({
-        "line": name.as_str(),
-        "state": if is_up { "up" } else { "down" },
-        "reason": line.down_reason(),
-        "reason_said": finding::down_reason(line).map(|it| it.document()),
-        "port": wiring.port,
-        "link": wiring.characters().map(|link| link.to_string()),
-        "observed_s": (observed.time.as_secs_f64() * 10.0).round() / 10.0,
-        "suspicion": line.suspicion.map(|suspicion| suspicion.keyword()),
-        "verdict": verdict(name, observed).iter().map(Finding::document).collect::<Vec<_>>(),
-        "rates": rates(observed),
-        "drives": observed.drives.iter().map(|it| drive(it, is_up)).collect::<Vec<_>>(),
-    })
+    let suspicion = line.suspicion.map(|suspicion| suspicion.keyword());
+    LineReportDocument {
+        line: name.to_string().into(),
+        state: if is_up { "up" } else { "down" }.into(),
+        reason: line.down_reason(),
+        reason_said: finding::down_reason(line).map(|it| it.document()).into(),
+        port: wiring.port.clone().into(),
+        link: wiring.characters().map(|link| link.to_string().into()),
+        observed_s: Some((observed.time.as_secs_f64() * 10.0).round() / 10.0),
+        suspicion: suspicion.map(str::to_owned),
+        verdict: verdict(name, observed)
+            .iter()
+            .map(Finding::document)
+            .collect(),
+        rates: rates(observed),
+        drives: observed.drives.iter().map(|it| drive(it, is_up)).collect(),
+    }
 }
 
-/// Shares are of all exchanges; null if there were none.
-fn rates(observed: &LineObserved) -> Value {
+fn rates(observed: &LineObserved) -> RatesDocument {
     let all = observed.exchanges();
     let per_mille =
         |count: u64| (all > 0).then(|| (count as f64 * 10_000.0 / all as f64).round() / 10.0);
-    json!({
-        "exchanges": all,
-        "good_per_mille": per_mille(observed.sum(|drive| drive.exchanges.replies + drive.exchanges.exceptions)),
-        "silent_per_mille": per_mille(observed.sum(DriveObserved::silent)),
-        "garbled_per_mille": per_mille(observed.sum(|drive| drive.damage.damaged)),
-        "stray_per_mille": per_mille(observed.strays),
-        "foreign": observed.foreign,
-        "other_master": observed.other_master,
-        "echoes": observed.echoes,
-        "noise_bytes": observed.noise_bytes,
-        "noise_between": observed.noise_between,
-    })
+    RatesDocument {
+        exchanges: Some(all),
+        good_per_mille: per_mille(
+            observed.sum(|drive| drive.exchanges.replies + drive.exchanges.exceptions),
+        ),
+        silent_per_mille: per_mille(observed.sum(DriveObserved::silent)),
+        garbled_per_mille: per_mille(observed.sum(|drive| drive.damage.damaged)),
+        stray_per_mille: per_mille(observed.strays),
+        foreign: observed.foreign,
+        other_master: observed.other_master,
+        echoes: observed.echoes,
+        noise_bytes: observed.noise_bytes,
+        noise_between: observed.noise_between,
+    }
 }
 
-fn drive(drive: &DriveObserved, line_is_up: bool) -> Value {
+fn drive(drive: &DriveObserved, line_is_up: bool) -> DriveReportDocument {
     let DriveObserved {
         now,
         exchanges,
@@ -59,40 +66,41 @@ fn drive(drive: &DriveObserved, line_is_up: bool) -> Value {
         .into_iter()
         .zip(&now.report.replies)
         .filter(|(_, reply)| reply.count > 0);
-    json!({
-        "name": now.name.as_str(),
-        "station": now.station.0,
-        "presence": match now.presence {
-            DrivePresence::Unknown => "unknown",
-            DrivePresence::Online if line_is_up => "online",
-            DrivePresence::Online | DrivePresence::Offline => "offline",
-        },
-        "exchanges": exchanges.total(),
-        "silent": drive.silent(),
-        "damaged": damage.damaged,
-        "first_characters_damaged": damage.head,
-        "cut": damage.cut,
-        "late": damage.late,
-        "late_beyond_limit": damage.beyond_limit,
-        "doubled": damage.doubled,
-        "exceptions": exchanges.exceptions,
-        "retries": exchanges.retries,
-        "replies": replies.map(|(class, reply)| times(class, reply)).collect::<Vec<_>>(),
-    })
+    let presence = match now.presence {
+        DrivePresence::Unknown => "unknown",
+        DrivePresence::Online if line_is_up => "online",
+        DrivePresence::Online | DrivePresence::Offline => "offline",
+    };
+    DriveReportDocument {
+        name: now.name.to_string().into(),
+        station: Some(now.station.0),
+        presence: presence.into(),
+        exchanges: Some(exchanges.total()),
+        silent: Some(drive.silent()),
+        damaged: Some(damage.damaged),
+        first_characters_damaged: Some(damage.head),
+        cut: Some(damage.cut),
+        late: Some(damage.late),
+        late_beyond_limit: Some(damage.beyond_limit),
+        doubled: Some(damage.doubled),
+        exceptions: Some(exchanges.exceptions),
+        retries: Some(exchanges.retries),
+        replies: replies.map(|(class, reply)| times(class, reply)).collect(),
+    }
 }
 
-fn times(class: &str, reply: &ReplyReport) -> Value {
-    json!({
-        "class": class,
-        "count": reply.count,
-        "p50_ms": millis(reply.p50),
-        "p90_ms": millis(reply.p90),
-        "p99_ms": millis(reply.p99),
-        "p999_ms": millis(reply.p999),
-        "max_ms": millis(reply.max),
-        "timeout_ms": millis(reply.timeout),
-        "suggested_timeout_ms": reply.suggested.map(millis),
-    })
+fn times(class: &'static str, reply: &ReplyReport) -> ReplyTimesDocument {
+    ReplyTimesDocument {
+        class: class.into(),
+        count: Some(reply.count),
+        p50_ms: Some(millis(reply.p50)),
+        p90_ms: Some(millis(reply.p90)),
+        p99_ms: Some(millis(reply.p99)),
+        p999_ms: Some(millis(reply.p999)),
+        max_ms: Some(millis(reply.max)),
+        timeout_ms: Some(millis(reply.timeout)),
+        suggested_timeout_ms: reply.suggested.map(millis),
+    }
 }
 
 /// To a hundredth, rounded up.
@@ -104,6 +112,12 @@ fn millis(time: Duration) -> f64 {
 mod tests {
     use super::super::testing::{good, idle, line_name};
     use super::*;
+    use serde_json::Value;
+
+    /// The document on the wire.
+    fn document(name: &Name, wiring: &Wiring, observed: &LineObserved) -> Value {
+        serde_json::to_value(super::document(name, wiring, observed)).unwrap()
+    }
 
     #[test]
     fn a_good_line_is_reported_in_numbers() {

@@ -4,8 +4,8 @@ use super::pcapng::{self, CaptureHeader, CapturePacket, PacketDirection};
 use crate::domain::calendar;
 use crate::domain::link::Framing;
 use crate::domain::version::PROGRAM_VERSION;
+use crate::north::api::{FrameDocument, TrafficLineDocument};
 use crate::toml_file::words::SHOWN_FRAMINGS;
-use serde_json::Value;
 
 /// The dissector for RTU frames.
 const RTU: &str = "mbrtu";
@@ -36,9 +36,9 @@ pub struct PacketFrame {
 impl PacketFrame {
     /// The content of `frame`, of a line with this framing; `None` if it cannot be parsed.
     #[must_use]
-    pub fn of(frame: &Value, framing: Framing) -> Option<Self> {
-        let kind = frame["kind"].as_str()?;
-        let bytes = unhex(frame["bytes"].as_str()?)?;
+    pub fn of(frame: &FrameDocument, framing: Framing) -> Option<Self> {
+        let kind = &*frame.kind;
+        let bytes = unhex(&frame.bytes)?;
         let protocol = match (kind, framing) {
             ("noise", _) => BYTES,
             (_, Framing::Rtu) => RTU,
@@ -50,7 +50,7 @@ impl PacketFrame {
         } else {
             PacketDirection::In
         };
-        let unix_us = unix_us(frame["at"].as_str()?)?;
+        let unix_us = unix_us(&frame.at)?;
         let is_for_a_drive = is_for_a_drive(kind);
         Some(Self {
             unix_us,
@@ -58,7 +58,7 @@ impl PacketFrame {
             is_for_a_drive,
             protocol,
             bytes,
-            comment: comment(kind, frame),
+            comment: comment(frame),
         })
     }
 
@@ -90,40 +90,37 @@ impl PacketFrame {
 
 /// The framing of `line`, as the gateway describes a line before its traffic; RTU if it has an unknown word for it.
 #[must_use]
-pub fn framing_of(line: &Value) -> Framing {
+pub fn framing_of(line: &TrafficLineDocument) -> Framing {
     let known = SHOWN_FRAMINGS
         .iter()
-        .find(|(word, _)| line["framing"] == *word);
+        .find(|(word, _)| line.framing == *word);
     known.map_or(Framing::Rtu, |(_, framing)| *framing)
 }
 
 /// The beginning of a file with the frames of `line`, as the gateway describes a line before its traffic; `host` is the
 /// machine and its system.
 #[must_use]
-pub fn beginning_of(line: &Value, host: (&str, &str)) -> Vec<u8> {
-    let word = |key: &str| line[key].as_str().unwrap_or("?");
-    let drives = line["drives"].as_array().into_iter().flatten();
-    let drives = drives.map(|drive| {
+pub fn beginning_of(line: &TrafficLineDocument, host: (&str, &str)) -> Vec<u8> {
+    let drives = line.drives.iter().map(|drive| {
         format!(
             "{} {} at station {}",
-            drive["model"].as_str().unwrap_or("?"),
-            drive["name"].as_str().unwrap_or("?"),
-            drive["station"]
+            drive.model, drive.name, drive.station
         )
     });
-    let link = line["link"]
-        .as_str()
-        .map_or_else(String::new, |link| format!("{link} "));
-    let description = [format!("{}, {link}{}", word("port"), word("framing"))]
+    let link = match &line.link {
+        Some(link) => format!("{link} "),
+        None => String::new(),
+    };
+    let description = [format!("{}, {link}{}", line.port, line.framing)]
         .into_iter()
         .chain(drives);
     pcapng::beginning(&CaptureHeader {
         hardware: host.0,
         os: host.1,
         application: &format!("vfd-gateway {PROGRAM_VERSION}"),
-        line: word("line"),
+        line: &line.line,
         description: &description.collect::<Vec<_>>().join(", "),
-        baud: line["baud"].as_u64().unwrap_or(0),
+        baud: line.baud.unwrap_or(0).into(),
     })
 }
 
@@ -132,23 +129,22 @@ fn is_for_a_drive(kind: &str) -> bool {
 }
 
 /// `request to pump-1 (poll): read 0x0101 output frequency, 1 word`.
-fn comment(kind: &str, frame: &Value) -> String {
-    let word = |key: &str| frame[key].as_str();
-    let station = || {
-        frame["station"]
-            .as_u64()
-            .map(|station| format!("station {station}"))
+fn comment(frame: &FrameDocument) -> String {
+    let between = if is_for_a_drive(&frame.kind) {
+        "to"
+    } else {
+        "of"
     };
-    let who = word("drive").map(str::to_owned).or_else(station);
-    let between = if is_for_a_drive(kind) { "to" } else { "of" };
-    let mut text = kind.replace('_', " ");
-    if let Some(who) = who {
-        text += &format!(" {between} {who}");
+    let mut text = frame.kind.replace('_', " ");
+    match (&frame.drive, frame.station) {
+        (Some(drive), _) => text += &format!(" {between} {drive}"),
+        (None, Some(station)) => text += &format!(" {between} station {station}"),
+        (None, None) => {}
     }
-    if let Some(why) = word("why") {
+    if let Some(why) = &frame.why {
         text += &format!(" ({why})");
     }
-    format!("{text}: {}", word("text").unwrap_or(""))
+    format!("{text}: {}", frame.text)
 }
 
 fn unhex(text: &str) -> Option<Vec<u8>> {
@@ -182,7 +178,12 @@ fn unix_us(text: &str) -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde_json::json;
+    use serde_json::{Value, json};
+
+    /// The packet of a frame as it is read from the wire.
+    fn packet_of(frame: &Value, framing: Framing) -> Option<PacketFrame> {
+        PacketFrame::of(&serde_json::from_value(frame.clone()).ok()?, framing)
+    }
 
     #[test]
     fn a_frame_becomes_a_packet() {
@@ -190,7 +191,7 @@ mod tests {
             "at": "1970-01-01T00:00:01.002003Z", "kind": "request", "why": "poll", "bytes": "010301010001D436",
             "gap_ms": null, "station": 1, "drive": "pump-1", "function": 3, "text": "read 0x0101", "values": [],
         });
-        let told = PacketFrame::of(&frame, Framing::Rtu).unwrap();
+        let told = packet_of(&frame, Framing::Rtu).unwrap();
         assert_eq!(
             (told.unix_us, told.direction, told.protocol),
             (1_002_003, PacketDirection::Out, "mbrtu")
@@ -199,19 +200,19 @@ mod tests {
         assert_eq!(told.bytes, [1, 3, 1, 1, 0, 1, 0xD4, 0x36]);
         assert_eq!(told.comment, "request to pump-1 (poll): read 0x0101");
         assert_eq!(
-            PacketFrame::of(&frame, Framing::Ascii).unwrap().protocol,
+            packet_of(&frame, Framing::Ascii).unwrap().protocol,
             "data-text-lines"
         );
-        let line = json!({ "framing": "modbus-tcp" });
+        let line = serde_json::from_value(json!({ "framing": "modbus-tcp" })).unwrap();
         assert_eq!(
-            PacketFrame::of(&frame, framing_of(&line)).unwrap().protocol,
+            packet_of(&frame, framing_of(&line)).unwrap().protocol,
             "mbtcp"
         );
         let noise = json!({
             "at": "1970-01-01T00:00:00.000001Z", "kind": "noise", "bytes": "00", "station": null,
             "text": "1 byte that makes no frame",
         });
-        let told = PacketFrame::of(&noise, Framing::Rtu).unwrap();
+        let told = packet_of(&noise, Framing::Rtu).unwrap();
         assert_eq!(
             (told.unix_us, told.direction, told.protocol),
             (1, PacketDirection::In, "data")
@@ -220,7 +221,7 @@ mod tests {
         let other = json!({ "at": "1970-01-01T00:00:00.000001Z", "kind": "other_master", "bytes": "", "station": 9,
             "text": "x" });
         assert_eq!(
-            PacketFrame::of(&other, Framing::Rtu).unwrap().comment,
+            packet_of(&other, Framing::Rtu).unwrap().comment,
             "other master to station 9: x"
         );
     }
@@ -228,7 +229,7 @@ mod tests {
     #[test]
     fn what_is_not_understood_is_none() {
         let good = json!({ "at": "1970-01-01T00:00:01.002003Z", "kind": "reply", "bytes": "0A", "text": "" });
-        assert!(PacketFrame::of(&good, Framing::Rtu).is_some());
+        assert!(packet_of(&good, Framing::Rtu).is_some());
         for (key, wrong) in [
             ("at", "yesterday"),
             ("at", "1970-01-01T00:00:01.002Z"),
@@ -237,12 +238,12 @@ mod tests {
         ] {
             let mut frame = good.clone();
             frame[key] = wrong.into();
-            assert_eq!(PacketFrame::of(&frame, Framing::Rtu), None, "{key} {wrong}");
+            assert_eq!(packet_of(&frame, Framing::Rtu), None, "{key} {wrong}");
         }
         for key in ["at", "kind", "bytes"] {
             let mut frame = good.clone();
             frame[key] = Value::Null;
-            assert_eq!(PacketFrame::of(&frame, Framing::Rtu), None, "{key}");
+            assert_eq!(packet_of(&frame, Framing::Rtu), None, "{key}");
         }
     }
 }

@@ -538,11 +538,11 @@ fn a_frame_is_a_document() {
         end: MonoTime::from_micros(8_333),
         ..record(TrafficKind::Request, &bytes)
     };
-    let json = hall
+    let document = hall
         .decode(&sent)
-        .json("2026-01-31T08:00:00.000001Z", &bytes);
+        .document("2026-01-31T08:00:00.000001Z".to_owned(), &bytes);
     assert_eq!(
-        json,
+        serde_json::json!(document),
         serde_json::json!({
             "at": "2026-01-31T08:00:00.000001Z", "kind": "request", "why": "poll", "bytes": "010301010001D436",
             "gap_ms": null, "on_wire_ms": 8.333, "station": 1, "drive": "drive-1", "function": 3, "exception": null,

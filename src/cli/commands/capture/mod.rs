@@ -10,9 +10,9 @@ use crate::daemon::host::clock;
 use crate::daemon::service::signals::told_to_end;
 use crate::domain::link::Framing;
 use crate::domain::time::MonoTime;
+use crate::north::api::{HealthDocument, LostRecords, TrafficLineDocument};
 use crate::north::traffic::packets::{PacketFrame, beginning_of, framing_of};
 use crate::north::traffic::pcapng;
-use serde_json::Value;
 use std::env::consts::{ARCH, OS};
 use std::fs::File;
 use std::io::{self, IsTerminal, Write};
@@ -122,11 +122,8 @@ async fn only_line(socket: &Path) -> Result<String, CommandFailure> {
     let (_, health) = socket::ask(socket, SocketRequest::get("/api/v1/health"), PATIENCE)
         .await
         .map_err(|reason| at(&reason))?;
-    let lines = health["lines"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .filter_map(|line| line["name"].as_str());
+    let health: HealthDocument = socket::document(health).map_err(|reason| at(&reason))?;
+    let lines = health.lines.iter().map(|line| &*line.name);
     match lines.collect::<Vec<_>>()[..] {
         [line] => Ok(line.to_owned()),
         [] => Err(at("has no line")),
@@ -148,7 +145,7 @@ struct EventSource<'s> {
 
 impl EventSource<'_> {
     /// The gateway's description of the line, which precedes its traffic.
-    async fn header(&mut self) -> Result<Value, String> {
+    async fn header(&mut self) -> Result<TrafficLineDocument, String> {
         match self.next().await? {
             Some(event) if event.name == "begin" => {
                 serde_json::from_str(&event.data).map_err(|error| error.to_string())
@@ -196,7 +193,7 @@ struct CaptureFile<'a> {
 }
 
 impl<'a> CaptureFile<'a> {
-    fn new(args: &'a Args, line: &Value) -> Result<Self, CommandFailure> {
+    fn new(args: &'a Args, line: &TrafficLineDocument) -> Result<Self, CommandFailure> {
         let out: Box<dyn Write> = if is_stdout(&args.out) {
             Box::new(io::stdout())
         } else {
@@ -233,10 +230,10 @@ impl<'a> CaptureFile<'a> {
             let is_read = match event.name.as_str() {
                 "frame" => self.frame(&event.data)?,
                 "lost" => {
-                    let lost = serde_json::from_str::<Value>(&event.data).ok();
-                    let lost = lost.and_then(|lost| lost["records"].as_u64()).unwrap_or(1);
-                    self.lost += lost;
-                    self.dropped += lost;
+                    let LostRecords { records } =
+                        serde_json::from_str(&event.data).unwrap_or_default();
+                    self.lost += records;
+                    self.dropped += records;
                     true
                 }
                 _ => true,

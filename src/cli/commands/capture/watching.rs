@@ -2,12 +2,12 @@
 
 use super::sse::{EventCutter, SseEvent};
 use crate::cli::tools::socket::unreachable;
+use crate::north::api::ErrorDocument;
 use axum::body::{Body, HttpBody, to_bytes};
 use axum::http::{Request, header};
 use hyper::body::Incoming;
 use hyper::client::conn::http1;
 use hyper_util::rt::TokioIo;
-use serde_json::Value;
 use std::future::poll_fn;
 use std::path::Path;
 use std::pin::Pin;
@@ -89,14 +89,9 @@ async fn ask(socket: &Path, line: &str, after: Option<&str>) -> Result<Streaming
         });
     }
     let refusal = to_bytes(Body::new(body), REFUSAL_BYTES_MAX).await.ok();
-    let refusal = refusal.and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok());
-    let reason = refusal
-        .as_ref()
-        .and_then(|refusal| refusal["error"].as_str());
-    Err(reason.map_or_else(
-        || format!("it answers {status}; is it an older version?"),
-        str::to_owned,
-    ))
+    let refusal = refusal.and_then(|bytes| serde_json::from_slice::<ErrorDocument>(&bytes).ok());
+    let reason = refusal.and_then(|refusal| refusal.error);
+    Err(reason.unwrap_or_else(|| format!("it answers {status}; is it an older version?")))
 }
 
 fn silent() -> String {

@@ -4,18 +4,18 @@ use super::file::{LeftOut, Parameter, ParameterDump, UnreadableParameter};
 use super::walk::{GroupWalk, WalkOutcome};
 use crate::cli::tools::CommandFailure;
 use crate::cli::tools::progress::ProgressBar;
-use crate::cli::tools::setup::{outcome, unknown};
-use crate::cli::tools::socket::{SocketRequest, ask};
+use crate::cli::tools::setup::{ask_drive, outcome};
+use crate::cli::tools::socket::SocketRequest;
 use crate::daemon::host::clock;
 use crate::domain::calendar;
 use crate::domain::ids::Name;
-use axum::http::{Method, StatusCode};
-use serde_json::{Value, json};
+use crate::north::api::{
+    NumberBody, OrderOutcomeDocument, ParameterDocument, ParameterListDocument, SeenWord,
+    WordDocument,
+};
+use serde::de::DeserializeOwned;
 use std::path::PathBuf;
 use std::time::Duration;
-
-/// Longest time for one request: longer than the gateway waits for a drive.
-const PATIENCE: Duration = Duration::from_secs(30);
 
 /// How often a drive that counts as silent is asked whether it answers again, and how many times.
 const BACK_EVERY: Duration = Duration::from_millis(500);
@@ -102,44 +102,34 @@ impl GatewayDrive {
     /// # Errors
     /// There is no such drive, or no answer.
     pub async fn catalogue(&self) -> Result<ParameterCatalogue, CommandFailure> {
-        let list = self.ask(SocketRequest::get(&self.path(None))).await?;
-        let text = |value: &Value, key: &str| value[key].as_str().unwrap_or_default().to_owned();
-        let known = |one: &Value| {
-            Some(ListedParameter {
-                code: text(one, "code"),
-                title: text(one, "title"),
-                address: u16::try_from(one["address"].as_u64()?).ok()?,
-                kind: text(one, "kind"),
-                reason: one["reason"].as_str().map(str::to_owned),
-                is_stored: one["is_stored"] != false,
-            })
-        };
-        let all = |key: &str| list[key].as_array().into_iter().flatten();
-        let left_out = |one: &Value| LeftOut {
-            what: text(one, "code"),
-            reason: text(one, "reason"),
-        };
-        let address = |it: &Value| u16::try_from(it.as_u64()?).ok();
-        let group = |one: &Value| UnknownOf {
-            group: text(one, "name"),
-            addresses: one["unknown"]
-                .as_array()
-                .into_iter()
-                .flatten()
-                .filter_map(address)
-                .collect(),
-        };
+        let list: ParameterListDocument = self.ask(SocketRequest::get(&self.path(None))).await?;
+        let parameters = list.parameters.into_iter().map(|one| ListedParameter {
+            code: one.code.to_string(),
+            title: one.title.to_string(),
+            address: one.address,
+            kind: one.kind.to_string(),
+            reason: one.reason,
+            is_stored: one.is_stored,
+        });
+        let left_out = list.left_out.into_iter().map(|one| LeftOut {
+            what: one.code.to_string(),
+            reason: one.reason.to_string(),
+        });
+        let groups = list.groups.into_iter().map(|one| UnknownOf {
+            group: one.name.to_string(),
+            addresses: one.unknown,
+        });
         Ok(ParameterCatalogue {
-            model: text(&list, "model"),
-            may_be_written: list["may_be_written"] == true,
-            commit: list["commit"].is_object().then(|| CommitNeed {
-                stores: list["commit"]["does"] == "store",
-                what: text(&list["commit"], "what"),
-                is_sent: list["commit"]["is_sent"] == true,
+            model: list.model.to_string(),
+            may_be_written: list.may_be_written,
+            commit: list.commit.map(|commit| CommitNeed {
+                stores: commit.does == "store",
+                what: commit.what.unwrap_or_default(),
+                is_sent: commit.is_sent,
             }),
-            parameters: all("parameters").filter_map(known).collect(),
-            left_out: all("left_out").map(left_out).collect(),
-            groups: all("groups").map(group).collect(),
+            parameters: parameters.collect(),
+            left_out: left_out.collect(),
+            groups: groups.collect(),
         })
     }
 
@@ -151,33 +141,29 @@ impl GatewayDrive {
         &self,
         known: &ListedParameter,
     ) -> Result<Result<Parameter, UnreadableParameter>, CommandFailure> {
-        let seen = self
+        let shown: ParameterDocument = self
             .ask(SocketRequest::get(&self.path(Some(known.address))))
             .await?;
-        Ok(Self::parse_parameter(known, &seen))
+        Ok(Self::parameter(known, shown.seen))
     }
 
     /// Reads what the drive may have at `address`.
     async fn try_at(&self, address: u16) -> Result<WalkOutcome, CommandFailure> {
-        let seen = self
+        let ParameterDocument { code, seen, .. } = self
             .ask(SocketRequest::get(&self.path(Some(address))))
             .await?;
-        let code = seen["code"].as_str().unwrap_or_default().to_owned();
+        let code = code.to_string();
+        let is_refused = seen.exception.is_some();
         let known = ListedParameter {
             code: code.clone(),
             address,
             ..ListedParameter::default()
         };
-        Ok(
-            match (
-                Self::parse_parameter(&known, &seen),
-                seen["exception"].is_u64(),
-            ) {
-                (Ok(parameter), _) => WalkOutcome::Shown(parameter),
-                (Err(_), true) => WalkOutcome::Refused(code),
-                (Err(unreadable), false) => WalkOutcome::Silent(code, unreadable.reason),
-            },
-        )
+        Ok(match Self::parameter(&known, seen) {
+            Ok(parameter) => WalkOutcome::Shown(parameter),
+            Err(_) if is_refused => WalkOutcome::Refused(code),
+            Err(unreadable) => WalkOutcome::Silent(code, unreadable.reason),
+        })
     }
 
     /// Reads the parameters of `groups` that the drive has beyond its model into `dump`. `there` is a parameter that it
@@ -224,40 +210,38 @@ impl GatewayDrive {
         Ok(())
     }
 
-    fn parse_parameter(
+    fn parameter(
         known: &ListedParameter,
-        seen: &Value,
+        seen: SeenWord,
     ) -> Result<Parameter, UnreadableParameter> {
-        let found = &seen["found"];
-        let Some(raw) = found["raw"]
-            .as_u64()
-            .and_then(|raw| u32::try_from(raw).ok())
-        else {
-            let exception = seen["exception"]
-                .as_u64()
-                .map(|code| format!(" (exception {code:02X})"));
-            let reason = format!(
-                "{}{}",
-                seen["message"].as_str().unwrap_or("?"),
-                exception.unwrap_or_default()
-            );
-            return Err(UnreadableParameter {
-                code: known.code.clone(),
-                address: known.address,
-                reason,
-            });
-        };
-        let text = found["text"].as_str().map(str::to_owned);
-        let code = known.code.clone();
-        let title = known.title.clone();
-        let address = known.address;
-        Ok(Parameter {
+        let ListedParameter {
             code,
-            address,
-            raw,
-            text,
             title,
-        })
+            address,
+            ..
+        } = known.clone();
+        match seen.found {
+            Some(WordDocument { raw, text }) => Ok(Parameter {
+                code,
+                address,
+                raw,
+                text,
+                title,
+            }),
+            None => {
+                let exception = seen.exception;
+                let exception = exception.map(|code| format!(" (exception {code:02X})"));
+                Err(UnreadableParameter {
+                    code,
+                    address,
+                    reason: format!(
+                        "{}{}",
+                        seen.message.as_deref().unwrap_or("?"),
+                        exception.unwrap_or_default()
+                    ),
+                })
+            }
+        }
     }
 
     /// Reads all of `wanted`, showing the progress.
@@ -294,15 +278,10 @@ impl GatewayDrive {
     /// The gateway does not answer: the outcome is unknown.
     pub async fn write(&self, address: u16, raw: u32) -> Result<Option<String>, CommandFailure> {
         let path = self.path(Some(address));
-        let body = json!({ "raw": raw });
-        let done = self
-            .ask(SocketRequest {
-                method: Method::POST,
-                path: &path,
-                body: Some(&body),
-            })
+        let done: OrderOutcomeDocument = self
+            .ask(SocketRequest::post(&path).with(&NumberBody { raw }))
             .await?;
-        Ok(if done["outcome"] == "confirmed" {
+        Ok(if done.outcome == "confirmed" {
             None
         } else {
             Some(outcome(&done))
@@ -315,14 +294,8 @@ impl GatewayDrive {
     /// The gateway does not answer: the outcome is unknown.
     pub async fn commit(&self) -> Result<Option<String>, CommandFailure> {
         let path = format!("{}/commit", self.path(None));
-        let done = self
-            .ask(SocketRequest {
-                method: Method::POST,
-                path: &path,
-                body: None,
-            })
-            .await?;
-        let is_taken = done["outcome"] == "acknowledged" || done["outcome"] == "confirmed";
+        let done: OrderOutcomeDocument = self.ask(SocketRequest::post(&path)).await?;
+        let is_taken = done.outcome == "acknowledged" || done.outcome == "confirmed";
         Ok(if is_taken { None } else { Some(outcome(&done)) })
     }
 
@@ -331,16 +304,10 @@ impl GatewayDrive {
         address.map_or(of.clone(), |address| format!("{of}/{address}"))
     }
 
-    async fn ask(&self, question: SocketRequest<'_>) -> Result<Value, CommandFailure> {
-        let at = self.socket.display();
-        match ask(&self.socket, question, PATIENCE).await {
-            Ok((StatusCode::OK, answer)) => Ok(answer),
-            Ok((StatusCode::NOT_FOUND, answer)) => Err(CommandFailure::wrong(unknown(&answer))),
-            Ok((_, answer)) => Err(CommandFailure::failed(format!(
-                "gateway at {at}: {}",
-                outcome(&answer)
-            ))),
-            Err(reason) => Err(CommandFailure::failed(format!("gateway at {at}: {reason}"))),
-        }
+    async fn ask<T: DeserializeOwned>(
+        &self,
+        question: SocketRequest<'_>,
+    ) -> Result<T, CommandFailure> {
+        ask_drive(&self.socket, question).await
     }
 }

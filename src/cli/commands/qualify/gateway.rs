@@ -2,18 +2,17 @@
 
 use super::seen::{SeenState, state_of};
 use crate::cli::tools::CommandFailure;
-use crate::cli::tools::setup::{outcome, text, unknown};
-use crate::cli::tools::socket::{self, SocketArgs, SocketRequest};
+use crate::cli::tools::setup::{ask_drive, outcome};
+use crate::cli::tools::socket::{SocketArgs, SocketRequest};
 use crate::domain::ids::Name;
-use axum::http::{Method, StatusCode};
-use serde_json::{Value, json};
+use crate::north::api::{FindingBody, OrderOutcomeDocument, PersonBody, TrialBody, TrialDocument};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use std::path::PathBuf;
 use std::time::Duration;
 use tokio::task::JoinHandle;
 use tokio::time::sleep;
 
-/// Longest time for one request: longer than the gateway waits for a drive.
-const PATIENCE: Duration = Duration::from_secs(30);
 /// Shortest and longest time between two renewals of the lease.
 const RENEW: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(1));
 /// How often the last stop is attempted, and the wait between.
@@ -59,16 +58,14 @@ impl TrialDrive {
     }
 
     /// Everything about the trials at this drive.
-    pub async fn look(&self) -> Result<Value, CommandFailure> {
+    pub async fn look(&self) -> Result<TrialDocument, CommandFailure> {
         self.ask(SocketRequest::get(&self.path)).await
     }
 
     /// What the drive does.
     pub async fn state(&self) -> Result<SeenState, CommandFailure> {
         let path = format!("{}/state", self.path);
-        self.ask(SocketRequest::get(&path))
-            .await
-            .map(|answer| state_of(&answer))
+        self.ask(SocketRequest::get(&path)).await.map(state_of)
     }
 
     /// Sends one order of a trial; one that runs names the epoch as it was last seen.
@@ -77,18 +74,11 @@ impl TrialDrive {
         order: &str,
         epoch: Option<u64>,
     ) -> Result<OrderOutcome, CommandFailure> {
-        let body = match epoch {
-            Some(epoch) => json!({ "order": order, "epoch": epoch }),
-            None => json!({ "order": order }),
-        };
-        let answer = self
-            .ask(SocketRequest {
-                method: Method::POST,
-                path: &self.path,
-                body: Some(&body),
-            })
+        let order = order.to_owned();
+        let answer: OrderOutcomeDocument = self
+            .ask(SocketRequest::post(&self.path).with(&TrialBody { order, epoch }))
             .await?;
-        Ok(match text(&answer, "outcome") {
+        Ok(match &*answer.outcome {
             "acknowledged" | "confirmed" => OrderOutcome::Acknowledged,
             "refused" | "expired" | "superseded" => OrderOutcome::Refused(outcome(&answer)),
             _ => OrderOutcome::Failed(outcome(&answer)),
@@ -97,13 +87,18 @@ impl TrialDrive {
 
     /// Has the gateway keep a result.
     pub async fn keep(&self, action: &str, result: &str, by: &str) -> Result<(), CommandFailure> {
-        let body = json!({ "action": action, "result": result, "by": by });
+        let body = FindingBody {
+            action: action.to_owned(),
+            result: result.to_owned(),
+            by: by.to_owned(),
+        };
         self.done("result", &body).await
     }
 
     /// Has the gateway forget all results of this drive.
     pub async fn forget(&self, by: &str) -> Result<(), CommandFailure> {
-        self.done("forget", &json!({ "by": by })).await
+        let by = by.to_owned();
+        self.done("forget", &PersonBody { by }).await
     }
 
     /// Renews the lease from now on, often enough for one that ends after `lost_after`.
@@ -135,32 +130,20 @@ impl TrialDrive {
         Err(last)
     }
 
-    async fn done(&self, what: &str, body: &Value) -> Result<(), CommandFailure> {
+    async fn done(&self, what: &str, body: &impl Serialize) -> Result<(), CommandFailure> {
         let path = format!("{}/{what}", self.path);
-        let answer = self
-            .ask(SocketRequest {
-                method: Method::POST,
-                path: &path,
-                body: Some(body),
-            })
-            .await?;
-        if answer["outcome"] == "confirmed" {
+        let answer: OrderOutcomeDocument = self.ask(SocketRequest::post(&path).with(body)).await?;
+        if answer.outcome == "confirmed" {
             Ok(())
         } else {
             Err(CommandFailure::failed(outcome(&answer)))
         }
     }
 
-    async fn ask(&self, question: SocketRequest<'_>) -> Result<Value, CommandFailure> {
-        let at = self.socket.display();
-        match socket::ask(&self.socket, question, PATIENCE).await {
-            Ok((StatusCode::OK, answer)) => Ok(answer),
-            Ok((StatusCode::NOT_FOUND, answer)) => Err(CommandFailure::wrong(unknown(&answer))),
-            Ok((_, answer)) => Err(CommandFailure::failed(format!(
-                "gateway at {at}: {}",
-                outcome(&answer)
-            ))),
-            Err(reason) => Err(CommandFailure::failed(format!("gateway at {at}: {reason}"))),
-        }
+    async fn ask<T: DeserializeOwned>(
+        &self,
+        question: SocketRequest<'_>,
+    ) -> Result<T, CommandFailure> {
+        ask_drive(&self.socket, question).await
     }
 }

@@ -7,12 +7,11 @@ mod seen;
 mod session;
 mod told;
 
-use crate::cli::tools::setup::text;
 use crate::cli::tools::told_to_stop::told_to_stop;
 use crate::cli::tools::{CommandFailure, print, socket};
+use crate::north::api::TrialDocument;
 use gateway::TrialDrive;
 use person::TypedLines;
-use serde_json::Value;
 use session::{TrialSession, TrialsEnd};
 use std::io::{self, IsTerminal};
 use std::path::PathBuf;
@@ -65,7 +64,7 @@ pub fn qualify(args: &Args) -> Result<(), CommandFailure> {
     })
 }
 
-async fn make(gateway: &TrialDrive, look: &Value, by: &str) -> Result<(), CommandFailure> {
+async fn make(gateway: &TrialDrive, look: &TrialDocument, by: &str) -> Result<(), CommandFailure> {
     may_begin(look)?;
     // Handled before the first frame, so that no signal leaves a running motor behind.
     let mut told = pin!(told_to_stop().map_err(CommandFailure::failed)?);
@@ -113,25 +112,24 @@ async fn make(gateway: &TrialDrive, look: &Value, by: &str) -> Result<(), Comman
 }
 
 /// Whether trials make sense at this drive, and there is somebody to ask.
-fn may_begin(look: &Value) -> Result<(), CommandFailure> {
-    let drive = text(look, "drive");
-    if look["actions"].as_array().is_none_or(Vec::is_empty) {
-        let model = text(look, "model");
+fn may_begin(look: &TrialDocument) -> Result<(), CommandFailure> {
+    let TrialDocument { drive, model, .. } = look;
+    if look.actions.is_empty() {
         return Err(CommandFailure::wrong(format!(
             "{drive}: everything that {model} can do is proven; there is nothing to try"
         )));
     }
-    if look["controlled"] != true {
+    if !look.controlled {
         return Err(CommandFailure::wrong(format!(
             "{drive} is read-only: trials need a control section with its limits"
         )));
     }
-    if look["qualify"] != true {
+    if !look.qualify {
         return Err(CommandFailure::wrong(format!(
             "{drive} is not open to trials: set `qualify = true` in its control section, then `vfd-gateway reload`"
         )));
     }
-    if let Some(why) = look["not_identified"].as_str() {
+    if let Some(why) = &look.not_identified {
         return Err(CommandFailure::failed(format!(
             "{drive}: its identity cannot be read: {why}"
         )));

@@ -1,14 +1,14 @@
 //! The report that the owner of a drive may send to the project: what was found, and nothing that tells where.
 
-use super::told::actions;
 use crate::cli::tools::{CommandFailure, print};
+use crate::north::api::TrialDocument;
 use serde_json::{Value, json};
 use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::Path;
 
 /// Writes the report of the drive in the document `look` to a new `file`.
-pub(super) fn write(file: &Path, look: &Value) -> Result<(), CommandFailure> {
+pub(super) fn write(file: &Path, look: &TrialDocument) -> Result<(), CommandFailure> {
     let told =
         |error: std::io::Error| CommandFailure::failed(format!("{}: {error}", file.display()));
     let mut new = OpenOptions::new()
@@ -26,22 +26,21 @@ pub(super) fn write(file: &Path, look: &Value) -> Result<(), CommandFailure> {
 }
 
 /// Only what is named here goes into it: no name of a drive, line, host or person, no address and no time.
-fn report(look: &Value) -> Value {
-    let is_void = !look["void"].is_null();
-    let facts = actions(look).map(|it| {
-        let result = match it["result"].as_str() {
-            Some(result) if !is_void => result,
+fn report(look: &TrialDocument) -> Value {
+    let facts = look.actions.iter().map(|it| {
+        let result = match &it.result {
+            Some(result) if look.void.is_none() => result,
             _ => "not_tried",
         };
-        json!({ "action": it["action"], "rests_on": it["rests_on"], "result": result })
+        json!({ "action": it.action, "rests_on": it.rests_on, "result": result })
     });
     json!({
         "version": 1,
-        "program": look["version"],
-        "model": look["model"],
-        "model_digest": look["model_digest"],
-        "identity": look["identity"],
-        "firmware": look["firmware"],
+        "program": look.version,
+        "model": look.model,
+        "model_digest": look.model_digest,
+        "identity": look.identity,
+        "firmware": look.firmware,
         "facts": facts.collect::<Vec<_>>(),
     })
 }
@@ -59,8 +58,9 @@ mod tests {
         let look = json!({
             "drive": "SECRET", "line": "SECRET", "model": "acme-1", "model_digest": "07", "version": "1.2.3",
             "identity": 9, "firmware": 102, "void": null, "actions": [action], "host": "SECRET",
-            "orders": { "stop": "SECRET" }, "state": { "presence": "SECRET" },
+            "orders": { "stop": [{ "frame": "SECRET" }] }, "state": { "presence": "SECRET" },
         });
+        let look: TrialDocument = serde_json::from_value(look).unwrap();
         let told = report(&look);
         assert!(!told.to_string().contains("SECRET"), "{told}");
         assert_eq!(
@@ -68,7 +68,7 @@ mod tests {
             (&json!("acme-1"), &json!("confirmed"))
         );
         let mut void = look;
-        void["void"] = json!("the model file has changed since");
+        void.void = Some("the model file has changed since".to_owned());
         assert_eq!(report(&void)["facts"][0]["result"], "not_tried");
     }
 }

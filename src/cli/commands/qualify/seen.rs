@@ -1,6 +1,6 @@
 //! What is read from the drive during a trial, compared with what should be seen.
 
-use serde_json::Value;
+use crate::north::api::TrialStateDocument;
 use std::time::Duration;
 
 /// What the drive does, as it was last polled.
@@ -21,14 +21,14 @@ pub(super) struct SeenState {
 }
 
 /// The state in `answer`; what is missing is not known, because another version may send less.
-pub(super) fn state_of(answer: &Value) -> SeenState {
+pub(super) fn state_of(answer: TrialStateDocument) -> SeenState {
     SeenState {
-        run_state: answer["run_state"].as_str().unwrap_or("unknown").to_owned(),
-        output_hz: answer["output_hz"].as_f64(),
-        age: answer["age_ms"].as_u64().map(Duration::from_millis),
-        tripped: answer["tripped"].as_bool(),
-        local: answer["local"].as_bool(),
-        epoch: answer["epoch"].as_u64(),
+        run_state: answer.run_state.unwrap_or_else(|| "unknown".to_owned()),
+        output_hz: answer.output_hz,
+        age: answer.age_ms.map(Duration::from_millis),
+        tripped: answer.tripped,
+        local: answer.local,
+        epoch: answer.epoch,
     }
 }
 
@@ -275,7 +275,9 @@ mod tests {
             epoch: Some(4),
             ..state("stopped", 0.0)
         };
-        assert_eq!(state_of(&answer), expected);
-        assert_eq!(state_of(&json!({})).run_state, "unknown");
+        let answer = serde_json::from_value(answer).unwrap();
+        assert_eq!(state_of(answer), expected);
+        let nothing = serde_json::from_value(json!({})).unwrap();
+        assert_eq!(state_of(nothing).run_state, "unknown");
     }
 }

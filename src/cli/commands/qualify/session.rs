@@ -8,7 +8,7 @@ use super::told;
 use crate::cli::tools::{CommandFailure, print};
 use crate::config::qualified::TrialFinding;
 use crate::daemon::host::clock;
-use serde_json::Value;
+use crate::north::api::TrialDocument;
 use std::time::Duration;
 use tokio::time::sleep;
 
@@ -68,7 +68,7 @@ fn confirmed() -> Step {
 pub(super) struct TrialSession<'a> {
     gateway: &'a TrialDrive,
     person: TypedLines,
-    look: &'a Value,
+    look: &'a TrialDocument,
     by: &'a str,
     /// The results so far.
     pub found: Vec<ActionResult>,
@@ -80,7 +80,7 @@ impl<'a> TrialSession<'a> {
     pub const fn new(
         gateway: &'a TrialDrive,
         person: TypedLines,
-        look: &'a Value,
+        look: &'a TrialDocument,
         by: &'a str,
     ) -> Self {
         Self {
@@ -131,20 +131,28 @@ impl<'a> TrialSession<'a> {
     }
 
     fn is_unproven(&self, action: &str) -> bool {
-        told::actions(self.look).any(|it| it["action"] == action)
+        self.look.actions.iter().any(|it| it.action == *action)
     }
 
     /// Whether stop, forward and the setpoint are proven or accepted already.
     fn is_basic_sure(&self) -> bool {
-        told::actions(self.look).all(|it| it["action"] != "basic" || it["in_force"] == true)
+        self.look
+            .actions
+            .iter()
+            .all(|it| it.action != "basic" || it.in_force)
     }
 
     fn has(&self, action: &str) -> bool {
         self.found.iter().any(|it| it.action == action)
     }
 
+    fn has_order(&self, order: &str) -> bool {
+        let orders = self.look.orders.as_ref();
+        orders.is_some_and(|orders| orders.contains_key(order))
+    }
+
     fn setpoint(&self) -> f64 {
-        self.look["setpoint_hz"].as_f64().unwrap_or_default()
+        self.look.setpoint_hz.unwrap_or_default()
     }
 
     async fn stop_at_rest(&mut self) -> Result<Step, TrialsEnd> {
@@ -171,7 +179,7 @@ impl<'a> TrialSession<'a> {
 
     /// Forward, then the stop of a motor that runs. Returns whether both are confirmed.
     async fn basic(&mut self) -> Result<bool, TrialsEnd> {
-        if self.look["may_go_forward"] == false {
+        if self.look.may_go_forward == Some(false) {
             let why = "`directions` does not allow forward".to_owned();
             self.keep("basic", (TrialFinding::Skipped, why)).await?;
             return Ok(false);
@@ -225,7 +233,7 @@ impl<'a> TrialSession<'a> {
     }
 
     async fn reverse(&mut self) -> Result<(), TrialsEnd> {
-        if self.look["may_reverse"] != true {
+        if self.look.may_reverse != Some(true) {
             let why = "`directions` does not allow reverse".to_owned();
             return self.keep("reverse", (TrialFinding::Skipped, why)).await;
         }
@@ -251,7 +259,7 @@ impl<'a> TrialSession<'a> {
     }
 
     async fn coast(&mut self) -> Result<(), TrialsEnd> {
-        if self.look["orders"]["coast"].is_null() || self.look["may_go_forward"] == false {
+        if !self.has_order("coast") || self.look.may_go_forward == Some(false) {
             return self.keep("coast", skipped()).await;
         }
         let expected = "the motor turns forward; then its output is off at once, and it comes to rest by itself";
@@ -320,7 +328,7 @@ impl<'a> TrialSession<'a> {
     }
 
     async fn release(&mut self) -> Result<(), TrialsEnd> {
-        if self.look["may_release"] != true {
+        if self.look.may_release != Some(true) {
             return self
                 .keep(
                     "release",
@@ -465,7 +473,7 @@ impl<'a> TrialSession<'a> {
     /// Renews the lease of a motor that is about to run.
     fn hold(&self) -> HeldLease {
         self.gateway.hold(Duration::from_millis(
-            self.look["lost_after_ms"].as_u64().unwrap_or_default(),
+            self.look.lost_after_ms.unwrap_or_default(),
         ))
     }
 

@@ -1,103 +1,86 @@
 //! The texts of `qualify` for people: the list, the beginning, an order before it is sent, and the summary.
 
 use super::session::ActionResult;
-use crate::cli::tools::setup::{table, text};
-use serde_json::Value;
+use crate::cli::tools::setup::{known, table};
+use crate::north::api::{TrialActionDocument, TrialDocument, TrialFrame};
 use std::fmt::Write;
 
-/// The actions to try in the document of a drive.
-pub(super) fn actions(look: &Value) -> impl Iterator<Item = &Value> {
-    look["actions"].as_array().into_iter().flatten()
-}
-
 /// What is to be tried at a drive and what was found.
-pub(super) fn list(look: &Value) -> String {
-    let mut said = format!(
-        "drive {} ({} on {})\n",
-        text(look, "drive"),
-        text(look, "model"),
-        text(look, "line")
-    );
-    let rows = actions(look).map(|it| {
-        let rests_on: Vec<_> = it["rests_on"]
-            .as_array()
-            .into_iter()
-            .flatten()
-            .filter_map(Value::as_str)
-            .collect();
-        [
-            text(it, "action").to_owned(),
-            rests_on.join(", "),
-            standing(it),
-        ]
-    });
-    let rows: Vec<_> = rows.collect();
-    if rows.is_empty() {
+pub(super) fn list(look: &TrialDocument) -> String {
+    let TrialDocument {
+        drive, model, line, ..
+    } = look;
+    let mut said = format!("drive {drive} ({model} on {line})\n");
+    if look.actions.is_empty() {
         said.push_str("  nothing is to be tried\n");
     }
-    said.push_str(&table(rows.into_iter()));
-    if let Some(why) = look["void"].as_str() {
+    let rows = look
+        .actions
+        .iter()
+        .map(|it| [it.action.to_string(), it.rests_on.join(", "), standing(it)]);
+    said.push_str(&table(rows));
+    if let Some(why) = &look.void {
         let _ = writeln!(said, "what was found no longer counts: {why}");
     }
-    if let Some(why) = look["damaged"].as_str() {
+    if let Some(why) = &look.damaged {
         let _ = writeln!(said, "the file of qualified drives cannot be used: {why}");
     }
-    if look["qualify"] == true {
+    if look.qualify {
         said.push_str("it is open to trials (`qualify = true`)\n");
     }
     said
 }
 
 /// What stands with one action.
-fn standing(action: &Value) -> String {
-    let found = match action["result"].as_str() {
+fn standing(action: &TrialActionDocument) -> String {
+    let found = match &action.result {
         None => "not tried".to_owned(),
-        Some(result) => format!("{result} by {}, {}", text(action, "by"), text(action, "at")),
+        Some(result) => format!(
+            "{result} by {}, {}",
+            known(action.by.as_deref()),
+            known(action.at.as_deref())
+        ),
     };
-    let counts = match (action["listed"] == true, action["in_force"] == true) {
-        _ if action["proven"] == true => "; proven, as the model file says",
+    let is_confirmed = action.result.as_deref() == Some("confirmed");
+    let counts = match (action.listed, action.in_force) {
+        _ if action.proven => "; proven, as the model file says",
         (true, _) => "; listed in accept_unverified",
         (false, true) => "; accepted for this drive (site)",
-        (false, false) if action["result"] == "confirmed" && action["counts"] == true => {
-            "; counts after a reload"
-        }
+        (false, false) if is_confirmed && action.counts => "; counts after a reload",
         (false, false) => "; refused",
     };
     format!("{found}{counts}")
 }
 
 /// What a person must know before the first order.
-pub(super) fn beginning(look: &Value) -> String {
-    let setpoint = look["setpoint_hz"].as_f64().unwrap_or_default();
+pub(super) fn beginning(look: &TrialDocument) -> String {
+    let TrialDocument {
+        drive, model, line, ..
+    } = look;
+    let setpoint = look.setpoint_hz.unwrap_or_default();
+    let lost = known(look.on_commander_lost.as_deref());
+    let after = look.lost_after_ms.unwrap_or_default() as f64 / 1000.0;
     format!(
         "Trials at drive {drive} ({model} on {line}).\n\
          The motor will turn at {setpoint:.2} Hz. It must be uncoupled or free to turn, with nobody near it, and your hand at\n\
          the hard-wired stop. This program is no safety function. Ctrl-C sends a STOP; if this program dies, the drive\n\
          gets `{lost}` after {after:.1} s.\n\
-         y sends an order, skip leaves it out, anything else ends the trials.\n",
-        drive = text(look, "drive"),
-        model = text(look, "model"),
-        line = text(look, "line"),
-        lost = text(look, "on_commander_lost"),
-        after = look["lost_after_ms"].as_f64().unwrap_or_default() / 1000.0,
+         y sends an order, skip leaves it out, anything else ends the trials.\n"
     )
 }
 
 /// One trial before it begins: what is sent, and what should be seen.
-pub(super) fn trial(look: &Value, title: &str, orders: &[&str], expected: &str) -> String {
+pub(super) fn trial(look: &TrialDocument, title: &str, orders: &[&str], expected: &str) -> String {
     let mut said = format!("\n{title}\n");
     for order in orders {
-        for frame in look["orders"][order].as_array().into_iter().flatten() {
-            let words = frame["words"].as_array().into_iter().flatten();
+        let frames = look.orders.as_ref().and_then(|all| all.get(*order));
+        for TrialFrame { words, frame } in frames.into_iter().flatten() {
             let words: Vec<_> = words
-                .map(|it| format!("{} = {}", text(it, "register"), it["word"]))
+                .iter()
+                .map(|it| format!("{} = {}", it.register, it.word))
                 .collect();
-            let _ = writeln!(
-                said,
-                "  sent:     {} ({order}), frame {}",
-                words.join(", "),
-                text(frame, "frame")
-            );
+            let words = words.join(", ");
+            let _ = writeln!(said, "  sent:     {words} ({order}), frame {frame}");
         }
     }
     let _ = writeln!(said, "  expected: {expected}");
@@ -124,12 +107,13 @@ pub(super) fn summary(found: &[ActionResult]) -> String {
 mod tests {
     use super::*;
     use crate::config::qualified::TrialFinding;
-    use serde_json::json;
+    use serde_json::{Value, json};
 
     #[test]
     fn an_order_is_reported_with_register_word_and_frame() {
         let frame = json!({ "words": [{ "register": "0x2501", "word": 0 }], "frame": "01 06 25 01 00 00 D2 C6" });
         let look = json!({ "orders": { "stop": [frame] } });
+        let look = serde_json::from_value(look).unwrap();
         let said = trial(&look, "stop", &["stop"], "nothing moves");
         assert_eq!(
             said,
@@ -144,9 +128,8 @@ mod tests {
             for (key, value) in more.as_object().unwrap() {
                 action[key] = value.clone();
             }
-            list(
-                &json!({ "drive": "d", "model": "m", "line": "l", "actions": [action], "void": "it changed" }),
-            )
+            let look = json!({ "drive": "d", "model": "m", "line": "l", "actions": [action], "void": "it changed" });
+            list(&serde_json::from_value(look).unwrap())
         };
         for (more, expected) in [
             (json!({}), "not tried; refused"),

@@ -278,7 +278,7 @@ fn not_allowed(drive: &SharedDrive) -> Response {
 
 /// The outcome of an order.
 fn outcome_json(drive: &SharedDrive, report: Report) -> Value {
-    let mut told = setup::outcome_at(drive, report, Vec::new());
+    let mut told = json!(setup::outcome_at(drive, report, Vec::new()));
     told["holder"] = report.holder.map(|holder| holder.to_string()).into();
     told["said"] = shown::said(&drive.description.model, &report).document();
     if report.reason == Reason::BetweenSteps

@@ -9,7 +9,8 @@ use crate::daemon::http::answers::json;
 use crate::daemon::http::entrance::PeerAddress;
 use crate::daemon::http::front::{ClientRequirements, HttpUser};
 use crate::domain::ids::{CommanderName, Name};
-use crate::north::operator::body::{self, SIGN_IN_EXAMPLE};
+use crate::north::api::{SignInBody, read_exactly};
+use crate::north::operator::body::SIGN_IN_EXAMPLE;
 use crate::north::operator::request::{COOKIE, key_text};
 use crate::north::operator::rights::UserRights;
 use crate::north::operator::sessions::Key;
@@ -81,7 +82,10 @@ async fn signed_in(control: &HttpControl, request: Request) -> Result<Response, 
             &format!("a body such as {SIGN_IN_EXAMPLE} is expected"),
         )
     };
-    let (name, password) = body::sign_in(&body).ok_or_else(expected)?;
+    let SignInBody {
+        user: name,
+        password,
+    } = read_exactly(&body).ok_or_else(expected)?;
     let peer = parts
         .extensions
         .get::<PeerAddress>()

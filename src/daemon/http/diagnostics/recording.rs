@@ -43,7 +43,7 @@ impl LineRecording {
         }
         for (_, record) in news.records {
             let at = self.clock.rfc3339(record.at());
-            let frame = self.decoder.decode(&record).json(&at, &record.bytes);
+            let frame = self.decoder.decode(&record).document(at, &record.bytes);
             let Some(frame) = PacketFrame::of(&frame, framing) else {
                 continue;
             };

@@ -2,6 +2,7 @@
 
 use super::ArchiveMaker;
 use crate::daemon::http::answers::refusal;
+use crate::daemon::http::query::QueryKeys;
 use axum::Router;
 use axum::extract::{RawQuery, State};
 use axum::http::{StatusCode, header};
@@ -24,18 +25,9 @@ pub fn own_router(diagnostics: Arc<ArchiveMaker>) -> Router {
 }
 
 async fn own(State(diagnostics): State<Arc<ArchiveMaker>>, RawQuery(query): RawQuery) -> Response {
-    let seconds = query.as_deref().map_or(Some(SECONDS_USUAL), |query| {
-        query.strip_prefix("seconds=")?.parse().ok()
-    });
-    match seconds.filter(|seconds| SECONDS.contains(seconds)) {
-        Some(seconds) => made(&diagnostics, seconds).await,
-        None => {
-            let (first, last) = SECONDS.into_inner();
-            refusal(
-                StatusCode::BAD_REQUEST,
-                &format!("seconds={first} to seconds={last} is expected"),
-            )
-        }
+    match QueryKeys::seconds(query.as_deref(), &SECONDS) {
+        Ok(seconds) => made(&diagnostics, seconds.unwrap_or(SECONDS_USUAL)).await,
+        Err(expected) => refusal(StatusCode::BAD_REQUEST, &expected),
     }
 }
 

@@ -2,8 +2,8 @@
 
 use super::LiveDocuments;
 use super::answers::{LiveFormat, no_journal, too_many_readers, wrong};
-use super::query::QueryKeys;
 use crate::daemon::host::clock;
+use crate::daemon::http::query::QueryKeys;
 use crate::daemon::http::taking::PIECE_BYTES;
 use crate::daemon::journal::listing;
 use crate::daemon::journal::reader::{connect, row};

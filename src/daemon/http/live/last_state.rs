@@ -9,7 +9,7 @@ use crate::drive::view::DriveView;
 use crate::north::finding::{Finding, ranked};
 use crate::north::page::changes::changes;
 use crate::north::page::{PageGateway, trips};
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 use std::sync::Arc;
 
 /// The state as it was last sent, for one configuration.
@@ -108,7 +108,7 @@ impl LastState {
         }
         let advice = self.all_advice(source);
         if advice != self.advice {
-            update.insert("advice".to_owned(), documents(&advice).into());
+            update.insert("advice".to_owned(), json!(documents(&advice)));
             self.advice = advice;
         }
         if !update.is_empty() {

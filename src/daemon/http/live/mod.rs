@@ -8,7 +8,6 @@ mod events;
 mod journal;
 mod last_state;
 mod listeners;
-mod query;
 pub(super) mod routes;
 mod source;
 #[cfg(test)]

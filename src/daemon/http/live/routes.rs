@@ -3,13 +3,13 @@
 use super::answers::{fresh, wrong};
 use super::{LiveDocuments, journal, trend, usage};
 use crate::daemon::http::lasting::StreamSlot;
+use crate::north::api::AdviceDocument;
 use axum::body::Body;
 use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Extension, Router};
-use serde_json::json;
 use std::sync::Arc;
 
 /// Proxies must not cache or buffer the stream.
@@ -39,7 +39,7 @@ async fn advice(State(live): State<Arc<LiveDocuments>>) -> Response {
     let advice = live
         .lock()
         .source(&live, |source| super::source::documents(&source.advice()));
-    fresh(&json!({ "advice": advice }))
+    fresh(&AdviceDocument { advice })
 }
 
 async fn events(

@@ -6,6 +6,7 @@ use crate::daemon::journal::JournalState as Keeps;
 use crate::domain::calendar::rfc3339;
 use crate::domain::ids::Name;
 use crate::drive::view::DriveView;
+use crate::north::api::FindingDocument;
 use crate::north::finding::{Finding, ranked};
 use crate::north::page::gateway::{BrokerWay, PageJournal};
 use crate::north::page::{LineUse, PageDrive, PageGateway, PageLine, PageMoment};
@@ -146,6 +147,6 @@ pub fn shown<'d>(line: &SharedLine, drive: &'d SharedDrive, view: &'d DriveView)
 }
 
 /// Each as a document.
-pub fn documents(all: &[Finding]) -> Vec<Value> {
+pub fn documents(all: &[Finding]) -> Vec<FindingDocument> {
     all.iter().map(Finding::document).collect()
 }

@@ -2,8 +2,8 @@
 
 use super::LiveDocuments;
 use super::answers::{fresh, wrong};
-use super::query::QueryKeys;
 use crate::daemon::host::clock;
+use crate::daemon::http::query::QueryKeys;
 use crate::daemon::trends;
 use crate::north::page::history::{DriveHistory, Names};
 use crate::north::page::kept::{LEVELS, TrendLevel};

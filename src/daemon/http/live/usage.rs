@@ -2,14 +2,14 @@
 
 use super::LiveDocuments;
 use super::answers::{LiveFormat, fresh, no_journal, too_many_readers, wrong};
-use super::query::QueryKeys;
+use crate::daemon::http::query::QueryKeys;
 use crate::daemon::journal::days::{COLUMNS, DayRow, each};
 use crate::daemon::journal::reader::connect;
+use crate::north::api::DaysDocument;
 use axum::extract::{RawQuery, State};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use rusqlite::Error;
-use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -37,7 +37,8 @@ pub async fn days(State(live): State<Arc<LiveDocuments>>, RawQuery(query): RawQu
             (kind, COLUMNS.to_owned() + &lines).into_response()
         }
         Ok(Ok(rows)) => {
-            fresh(&json!({ "days": rows.iter().map(DayRow::in_json).collect::<Vec<Value>>() }))
+            let days = rows.iter().map(DayRow::document).collect();
+            fresh(&DaysDocument { days })
         }
         Ok(Err(error)) => wrong(
             StatusCode::SERVICE_UNAVAILABLE,

@@ -4,8 +4,8 @@ use crate::config::qualified::{TrialFinding, action_of};
 use crate::domain::command::{Direction, GoOrder, Order};
 use crate::domain::control::ControlAction;
 use crate::domain::frequency::Hertz;
+use crate::north::api::{FindingBody, PersonBody, TrialBody, read_exactly};
 use crate::profile::model::OrderKind;
-use serde_json::{Map, Value};
 
 /// What the body of an order looks like, for people.
 pub(super) const TRIAL_EXAMPLE: &str = r#"{"order": "forward", "epoch": 7}"#;
@@ -85,46 +85,28 @@ impl TrialOrder {
 
 /// The order that `body` names, and the epoch of the drive as it was last shown.
 pub(super) fn trial(body: &[u8]) -> Option<(TrialOrder, Option<u64>)> {
-    let object = object(body)?;
-    let word = object.get("order")?.as_str()?;
-    let order = TrialOrder::named(word)?;
-    let epoch = match object.get("epoch") {
-        None | Some(Value::Null) => None,
-        Some(epoch) => Some(epoch.as_u64()?),
-    };
-    let known = 1 + usize::from(object.contains_key("epoch"));
+    let TrialBody { order, epoch } = read_exactly(body)?;
+    let order = TrialOrder::named(&order)?;
     // A start without one could be older than the last stop.
-    (object.len() == known && (epoch.is_some() || !order.runs())).then_some((order, epoch))
+    (epoch.is_some() || !order.runs()).then_some((order, epoch))
 }
 
 /// The result that `body` names, and who found it.
 pub(super) fn result(body: &[u8]) -> Option<(ControlAction, TrialFinding, String)> {
-    let object = object(body).filter(|object| object.len() == 3)?;
-    let action = action_of(object.get("action")?.as_str()?)?;
-    Some((
-        action,
-        TrialFinding::of(object.get("result")?.as_str()?)?,
-        name(&object)?,
-    ))
+    let FindingBody { action, result, by } = read_exactly(body)?;
+    Some((action_of(&action)?, TrialFinding::of(&result)?, name(by)?))
 }
 
 /// Who asks.
 pub(super) fn by(body: &[u8]) -> Option<String> {
-    name(&object(body).filter(|object| object.len() == 1)?)
+    let PersonBody { by } = read_exactly(body)?;
+    name(by)
 }
 
-fn object(body: &[u8]) -> Option<Map<String, Value>> {
-    match serde_json::from_slice(body).ok()? {
-        Value::Object(object) => Some(object),
-        _ => None,
-    }
-}
-
-fn name(object: &Map<String, Value>) -> Option<String> {
-    let name = object.get("by")?.as_str()?;
+fn name(name: String) -> Option<String> {
     let is_fit =
         (1..=NAME_CHARS_MAX).contains(&name.chars().count()) && !name.chars().any(char::is_control);
-    is_fit.then(|| name.to_owned())
+    is_fit.then_some(name)
 }
 
 #[cfg(test)]

@@ -9,10 +9,10 @@ use crate::domain::ids::Station;
 use crate::domain::link::Framing;
 use crate::drive::bases::FrequencyBases;
 use crate::drive::steps::{self, CommandStep, WriteFunctions};
+use crate::north::api::{TrialFrame, TrialWord};
 use crate::profile::model::{Model, OrderKind};
 use crate::wire::framing;
 use crate::wire::pdu::Request;
-use serde_json::{Value, json};
 
 /// A motor turns visibly at this frequency.
 const VISIBLE: Hertz = Hertz::from_millihertz(5000);
@@ -28,7 +28,7 @@ pub(super) fn order_frames(
     model: &Model,
     control: &ControlSettings,
     (station, framing): (Station, Framing),
-) -> Vec<Value> {
+) -> Vec<TrialFrame> {
     let functions = WriteFunctions::of(model);
     let steps = match order.order(trial_frequency(control)) {
         Some(Order::Stop { .. } | Order::Coast) => {
@@ -76,15 +76,23 @@ pub(super) fn order_frames(
     frames.collect()
 }
 
-fn shown(request: &Request, words: &[(Address, u16)], station: Station, framing: Framing) -> Value {
+fn shown(
+    request: &Request,
+    words: &[(Address, u16)],
+    station: Station,
+    framing: Framing,
+) -> TrialFrame {
     let mut frame = Vec::new();
     framing::encode(framing, &mut frame, station.0, |out| request.encode(out));
     let bytes: Vec<_> = frame.iter().map(|byte| format!("{byte:02X}")).collect();
-    let words: Vec<_> = words
-        .iter()
-        .map(|(address, value)| json!({ "register": address.to_string(), "word": value }))
-        .collect();
-    json!({ "words": words, "frame": bytes.join(" ") })
+    let word = |(address, value): &(Address, u16)| TrialWord {
+        register: address.to_string().into(),
+        word: *value,
+    };
+    TrialFrame {
+        words: words.iter().map(word).collect(),
+        frame: bytes.join(" ").into(),
+    }
 }
 
 #[cfg(test)]
@@ -100,11 +108,9 @@ mod tests {
         let stop = order_frames(TrialOrder::Sent(OrderKind::Stop), &model, &control, AT);
         let (address, word) = steps::of_stop(&model, false, None).unwrap();
         assert_eq!(stop.len(), 1);
-        assert_eq!(
-            stop[0]["words"],
-            json!([{ "register": address.to_string(), "word": word }])
-        );
-        let frame = stop[0]["frame"].as_str().unwrap();
+        let register = address.to_string().into();
+        assert_eq!(stop[0].words, [TrialWord { register, word }]);
+        let frame = &stop[0].frame;
         let number = address.number();
         let [high, low] = number.to_be_bytes();
         assert!(

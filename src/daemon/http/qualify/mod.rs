@@ -21,6 +21,7 @@ use crate::domain::control::ControlAction;
 use crate::domain::ids::Station;
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::journal::TriedWrite;
+use crate::north::api::OrderOutcomeDocument;
 use crate::profile::model::OrderKind;
 use axum::Router;
 use axum::body::Bytes;
@@ -341,7 +342,7 @@ async fn keep_result(
     let (action, result, outcome_word) =
         (action.keyword(), result.keyword(), report.outcome.keyword());
     tracing::info!(drive = %description.name, action, result, by, outcome = outcome_word, "qualified");
-    answer(&outcome(&name, report, Vec::new())).into_response()
+    answer(&outcome(&name, report)).into_response()
 }
 
 /// Forgets all results of a drive.
@@ -380,12 +381,14 @@ async fn forget(
         report,
     );
     tracing::info!(drive = %description.name, by, "results of trials forgotten");
-    answer(&outcome(&name, report, Vec::new())).into_response()
+    answer(&outcome(&name, report)).into_response()
 }
 
 fn not_kept(name: &str, error: &str) -> Response {
     tracing::error!(drive = name, error, "cannot keep the result of a trial");
-    let mut told = outcome(name, Report::refused(Reason::QueueFull), Vec::new());
-    told["message"] = format!("the result cannot be kept: {error}").into();
+    let told = OrderOutcomeDocument {
+        message: format!("the result cannot be kept: {error}").into(),
+        ..outcome(name, Report::refused(Reason::QueueFull))
+    };
     (StatusCode::INTERNAL_SERVER_ERROR, answer(&told)).into_response()
 }

@@ -292,7 +292,7 @@ async fn verify(
         let commissioning = looked_at(&control, &headers)?;
         let (side, drive) = (commissioning.side(), drive(&control, &name)?);
         let _place = side.place().ok_or_else(too_many)?;
-        Ok(json(&setup::setup_json(side, &drive).await).into_response())
+        Ok(json(&setup::report(side, &drive).await).into_response())
     };
     answered(answer.await)
 }

@@ -1,6 +1,7 @@
 //! The query of a request, after `?`: known keys, each at most once.
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
 /// Longest query in bytes: room for some names and a time.
 const BYTES_MAX: usize = 1024;
@@ -35,6 +36,26 @@ impl QueryKeys {
             }
         }
         Ok(Self(values))
+    }
+
+    /// The seconds in `query`, which has no other key; `None` if it names none.
+    ///
+    /// # Errors
+    /// What is wrong with it, for people.
+    pub fn seconds(
+        query: Option<&str>,
+        range: &RangeInclusive<u64>,
+    ) -> Result<Option<u64>, String> {
+        let (first, last) = (range.start(), range.end());
+        let expected = || format!("seconds={first} to seconds={last} is expected");
+        let keys = Self::read(query, &["seconds"]).map_err(|_| expected())?;
+        let Some(text) = keys.get("seconds") else {
+            return Ok(None);
+        };
+        match text.parse() {
+            Ok(seconds) if range.contains(&seconds) => Ok(Some(seconds)),
+            _ => Err(expected()),
+        }
     }
 
     /// The value of `key`; `None` if it is missing or empty.
