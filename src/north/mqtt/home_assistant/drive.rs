@@ -86,6 +86,9 @@ fn shown(
             .words("true", "false")
             .class("problem")
     };
+    let text = |key: &str, name: &str, topic: String| {
+        vec![sensor(key, name).showing_text(topic).diagnostic()]
+    };
     let tells_trips = model.trip_register().is_some();
     match kind {
         TopicKind::RunState => run_state(&topic).into(),
@@ -109,20 +112,8 @@ fn shown(
         TopicKind::TripActive if tells_trips => {
             vec![problem("tripped", "Tripped", topic)]
         }
-        TopicKind::TripCode if tells_trips => {
-            vec![
-                sensor("trip_code", "Trip code")
-                    .showing_text(topic)
-                    .diagnostic(),
-            ]
-        }
-        TopicKind::TripText if tells_trips => {
-            vec![
-                sensor("trip_text", "Trip text")
-                    .showing_text(topic)
-                    .diagnostic(),
-            ]
-        }
+        TopicKind::TripCode if tells_trips => text("trip_code", "Trip code", topic),
+        TopicKind::TripText if tells_trips => text("trip_text", "Trip text", topic),
         TopicKind::TripCount if model.register_for(RegisterRole::TripCount).is_some() => {
             let count = sensor("trip_count", "Trips").showing(topic).diagnostic();
             vec![count.with("state_class", "total_increasing")]
@@ -130,16 +121,8 @@ fn shown(
         TopicKind::WarningActive => {
             vec![problem("warning", "Warning", topic).diagnostic()]
         }
-        TopicKind::WarningCode => vec![
-            sensor("warning_code", "Warning code")
-                .showing_text(topic)
-                .diagnostic(),
-        ],
-        TopicKind::WarningText => vec![
-            sensor("warning_text", "Warning text")
-                .showing_text(topic)
-                .diagnostic(),
-        ],
+        TopicKind::WarningCode => text("warning_code", "Warning code", topic),
+        TopicKind::WarningText => text("warning_text", "Warning text", topic),
         TopicKind::Usage(part) => vec![used(part, topic)],
         // The event shows it, the state shows the owner of control, and a parameter is read by those who know it.
         TopicKind::TripActive
