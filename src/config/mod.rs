@@ -28,6 +28,7 @@ mod mqtt;
 mod native;
 mod points;
 mod port;
+mod port_address;
 pub mod qualified;
 mod ratings;
 pub mod ready;
@@ -72,7 +73,7 @@ use std::path::PathBuf;
 /// # Errors
 /// The text is not a valid port: what is wrong, and what would be right.
 pub fn port_address(text: &str) -> Result<PortAddress, String> {
-    port::parse(text).map_err(|(what, right)| format!("{what}; right would be {right}"))
+    port_address::parse(text).map_err(|(what, right)| format!("{what}; right would be {right}"))
 }
 
 /// Parses the port of a serial line, for tools that look for drives at each station and setting.

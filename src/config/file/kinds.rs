@@ -1,6 +1,6 @@
 //! Kinds of values that several tables have.
 
-use super::super::port;
+use super::super::port_address;
 use super::super::ready::PortAddress;
 use crate::domain::ids::{CommanderName, Name, UnitId};
 use crate::toml_file::values::{ValueKind, WrongValue};
@@ -54,7 +54,7 @@ pub fn absolute_path() -> ValueKind<'static, PathBuf> {
 
 /// A port of the gateway.
 pub fn port() -> ValueKind<'static, PortAddress> {
-    ValueKind::text().and_then(|text| port::parse(&text).map_err(WrongValue::from))
+    ValueKind::text().and_then(|text| port_address::parse(&text).map_err(WrongValue::from))
 }
 
 /// The speed of a serial port in bit/s.
