@@ -43,7 +43,7 @@ macro_rules! declare_table {
     ) => {
         $(#[$comment])*
         #[derive(Clone, Debug, Default)]
-        pub(in crate::config) struct $table {
+        pub struct $table {
             $(
                 /// Where the table stands.
                 pub $location: $crate::toml_file::KeyLocation,

@@ -77,7 +77,7 @@ const LEASE: &[RefusedKey] = &[RefusedKey {
 
 /// A role and its rights.
 #[derive(Clone, Debug)]
-pub(in crate::config) struct RoleFile {
+pub struct RoleFile {
     pub name: String,
     pub rights: LocatedValue<Vec<LocatedValue<RoleRight>>>,
 }
