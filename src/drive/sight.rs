@@ -67,9 +67,9 @@ impl DriveSight {
         if !self.is_away {
             return false;
         }
-        self.is_confirmed = false;
-        self.is_told = true;
-        !std::mem::replace(&mut self.may_still_run, true)
+        let is_news = !self.may_still_run || !self.is_told;
+        (self.may_still_run, self.is_told, self.is_confirmed) = (true, true, false);
+        is_news
     }
 
     /// The drive was not in sight of an earlier process, and may still run.

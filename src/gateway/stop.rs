@@ -64,8 +64,8 @@ pub struct StopLatch {
     looks: usize,
     /// Consecutive unanswered reads.
     missed_looks: u8,
-    /// Since when every reading of a drive that was away has been zero.
-    zero_since: Option<MonoTime>,
+    /// The zeros that a drive which was away has shown last.
+    zeros: Option<ZeroSpan>,
     was_told_late: bool,
     /// It was reported that the stop could not be sent in time.
     was_told_unsent: bool,
@@ -79,6 +79,34 @@ pub struct StopLatch {
     /// It was ordered before a restart of the gateway, and nothing was sent for it since.
     is_remembered: bool,
     by_client: ByClient,
+}
+
+/// Consecutive readings of zero. A longer pause between two of them ends it: the motor may have turned meanwhile.
+#[derive(Clone, Copy, Debug)]
+struct ZeroSpan {
+    first: MonoTime,
+    last: MonoTime,
+}
+
+impl ZeroSpan {
+    /// The `span` with one more, read at `now`.
+    fn with(span: Option<Self>, now: MonoTime) -> Self {
+        let first = span.filter(|it| now < it.ends_at()).map(|it| it.first);
+        Self {
+            first: first.unwrap_or(now),
+            last: now,
+        }
+    }
+
+    /// When it ends, unless another one is read before.
+    fn ends_at(self) -> MonoTime {
+        self.last + STANDSTILL_HOLDS
+    }
+
+    /// Time between the first and the last.
+    fn lasted(self) -> Duration {
+        self.last.since(self.first)
+    }
 }
 
 /// Whether a client has commanded a stop.
@@ -130,7 +158,7 @@ impl StopLatch {
             watch: OutputFallWatch::default(),
             looks: 0,
             missed_looks: 0,
-            zero_since: None,
+            zeros: None,
             was_told_late: false,
             was_told_unsent: false,
             offline_since: None,
@@ -255,11 +283,12 @@ impl StopLatch {
     pub fn frame(&self) -> (MonoTime, Request) {
         let at = if !self.is_away() || self.is_first() || self.by_client == ByClient::Waits {
             self.send_at
-        } else if self.is_remembered || self.zero_since.is_some() {
+        } else if self.is_remembered {
             // It is read first.
             MonoTime::NEVER
         } else {
-            self.send_at + REPEAT_LATER
+            let stands = self.zeros.map_or(MonoTime::ZERO, ZeroSpan::ends_at);
+            stands.max(self.send_at + REPEAT_LATER)
         };
         (at.max(self.silent_until), self.order.request_in(self.form))
     }
@@ -378,8 +407,9 @@ impl StopLatch {
         self.look_at = now + LOOK_EVERY;
         self.watch.take(raw);
         if self.is_away() && raw == 0 && !runs {
-            let since = *self.zero_since.get_or_insert(now);
-            if now.since(since) < STANDSTILL_HOLDS {
+            let zeros = ZeroSpan::with(self.zeros, now);
+            self.zeros = Some(zeros);
+            if zeros.lasted() < STANDSTILL_HOLDS {
                 self.look_at = now + LOOK_WHEN_ZERO;
                 return false;
             }
@@ -393,7 +423,13 @@ impl StopLatch {
 
     /// Takes a reading of the status: whether the drive is ordered to run. Returns whether the stop is effective.
     pub fn shows(&mut self, running: bool, now: MonoTime) -> bool {
-        self.look_at = now + LOOK_EVERY;
+        let is_at_zero = self.zeros.is_some() && !running;
+        self.look_at = now
+            + if is_at_zero {
+                LOOK_WHEN_ZERO
+            } else {
+                LOOK_EVERY
+            };
         if !self.is_away() || running {
             self.is_back(now);
         }
@@ -409,7 +445,10 @@ impl StopLatch {
     /// The drive responds again: an unanswered stop is sent again at once.
     fn is_back(&mut self, now: MonoTime) {
         self.is_remembered = false;
-        self.zero_since = None;
+        if self.zeros.take().is_some() && !self.was_told_late {
+            // Until now nothing was to be sent.
+            self.awaited_since = now;
+        }
         let was_away = self.is_away();
         self.missed_looks = 0;
         if std::mem::take(&mut self.is_unanswered) || was_away {

@@ -203,6 +203,8 @@ fn a_remembered_stop_is_sent_only_to_a_drive_that_runs() {
         (0, true),
         "one that stands is not written to"
     );
+    let alarm = |(_, note): &(_, DriveNote)| *note == DriveNote::StopNotSent;
+    assert!(!rig.notes.iter().any(alarm), "{:?}", rig.notes);
 }
 
 #[test]

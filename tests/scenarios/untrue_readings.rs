@@ -1,7 +1,7 @@
 //! What a drive shows for a moment and cannot be so is not believed: no trip, no sum and no order follows from it.
 
 use crate::support::families::{accepting, model_with, options_of, rig_of};
-use crate::support::{MQTT, Rig, RigOptions, model, run};
+use crate::support::{MQTT, Rig, RigOptions, STOP, model, run};
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Order, Owner, RunIntent};
 use vfd_gateway::domain::ids::{DriveIndex, Station};
@@ -406,4 +406,36 @@ fn a_run_order_that_a_drive_takes_which_shows_nothing_is_reported_and_outlasts_w
         );
         rig.settle();
     }
+}
+
+#[test]
+fn a_drive_that_shows_zero_once_and_is_silent_again_is_stopped_like_one_that_is_away() {
+    let mut rig = Rig::new(&RigOptions {
+        keeps: true,
+        ..options_of(&model("hyundai-n700"), accepting())
+    });
+    rig.live(SECOND * 5);
+    rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
+    rig.live(SECOND * 12);
+    let power = |rig: &mut Rig, is_on| {
+        let now = rig.now;
+        rig.bus.set_powered(now, Station(1), is_on);
+    };
+    power(&mut rig, false);
+    rig.live(SECOND * 5);
+    rig.command(MQTT, 0, STOP);
+    rig.live(SECOND * 20);
+    power(&mut rig, true);
+    rig.pass(SECOND * 2);
+    power(&mut rig, false);
+    let before = rig.writes().len();
+    rig.pass(SECOND * 40);
+    let repeats = rig.writes().len() - before;
+    assert!((3..=5).contains(&repeats), "{repeats} while it is away");
+    drive(&mut rig).shows_everywhere(0);
+    power(&mut rig, true);
+    rig.pass(SECOND * 4);
+    assert!(rig.view(0).control.unwrap().stop_pending, "no 3 s of zeros");
+    rig.pass(SECOND * 4);
+    assert!(!rig.view(0).control.unwrap().stop_pending);
 }

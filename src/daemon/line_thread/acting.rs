@@ -135,24 +135,30 @@ impl LineTask<'_> {
         }
     }
 
-    /// Says of each drive what the shutdown leaves behind.
-    pub(super) fn tell_of_open_stops(&self) {
+    /// Logs each open stop that the shutdown leaves behind, once, if `is_due` by whether it was sent.
+    pub(super) fn log_open_stops(&mut self, is_due: impl Fn(bool) -> bool) {
+        let open: Vec<_> = self
+            .core
+            .open_stops()
+            .filter(|(drive, was_sent)| is_due(*was_sent) && !self.left_behind.contains(drive))
+            .collect();
         let line = &self.port.line;
-        for (drive, was_sent) in self.core.open_stops() {
-            let drive = self.name_of(drive);
+        for (drive, was_sent) in open {
+            let name = self.name_of(drive);
             if !was_sent {
                 tracing::error!(
                     line,
-                    drive,
+                    drive = name,
                     "a STOP was never sent, because the drive could not be reached; shutting down anyway: {MAY_RUN}"
                 );
             } else if !self.is_hurried {
                 tracing::error!(
                     line,
-                    drive,
+                    drive = name,
                     "a STOP had no effect; shutting down anyway: it was sent, and {MAY_RUN}"
                 );
             }
+            self.left_behind.push(drive);
         }
     }
 

@@ -273,6 +273,7 @@ fn run(
             ending: None,
             rests: Some(waits.rests),
             is_hurried: false,
+            left_behind: Vec::new(),
             leaving: None,
             to_reopen: None,
             connection: ServerConnection::default(),
@@ -313,6 +314,8 @@ struct LineTask<'a> {
     rests: Option<oneshot::Sender<()>>,
     /// The effect of stops is no longer waited for.
     is_hurried: bool,
+    /// The drives that the log names because a shutdown leaves their stop open.
+    left_behind: Vec<DriveIndex>,
     /// Receives an answer once the drives may be left.
     leaving: Option<oneshot::Sender<Vec<DriveIndex>>>,
     /// The core wants the port reopened.
@@ -333,7 +336,7 @@ impl LineTask<'_> {
         let is_through = self.core.is_at_rest() || self.is_hurried && !has_unsent;
         if (is_through || now >= until) && self.rests.take().is_some() {
             // From now on the process may end at any moment.
-            self.tell_of_open_stops();
+            self.log_open_stops(|was_sent| was_sent);
         }
         let is_late = now
             >= if has_unsent {
@@ -351,8 +354,8 @@ impl LineTask<'_> {
         if self.ending.is_none() {
             self.core
                 .handle(clock::now(), LineInput::PortDown(LineFault::Gone));
-        } else if self.rests.is_some() {
-            self.tell_of_open_stops();
+        } else {
+            self.log_open_stops(|_| true);
         }
         self.core.end_attempts(clock::now());
         self.act(None)

@@ -1,6 +1,6 @@
 //! What follows for a stop from time alone: alarms, and that it is given up.
 
-use super::{StopLatch, StopTurn};
+use super::{StopLatch, StopTurn, ZeroSpan};
 use crate::domain::command::{Outcome, Reason, Report};
 use crate::domain::control::ControlSettings;
 use crate::domain::time::MonoTime;
@@ -57,9 +57,11 @@ impl StopLatch {
             .map(|since| since.max(self.accepted_at) + control.stop_pending_for)
     }
 
-    /// When the alarm is due, unless it was raised.
+    /// When the alarm is due, unless it was raised. A drive that is back and reads as 0 is given the time to prove it.
     fn late_at(&self, control: &ControlSettings) -> Option<MonoTime> {
-        (!self.was_told_late).then(|| self.awaited_since + control.stop_effect_timeout)
+        let proves_until = self.zeros.map_or(MonoTime::ZERO, ZeroSpan::ends_at);
+        let late_at = proves_until.max(self.awaited_since + control.stop_effect_timeout);
+        (!self.was_told_late).then_some(late_at)
     }
 
     /// The report for waiting clients when it is late: it depends on whether the drive ever answered.
