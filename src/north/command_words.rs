@@ -133,7 +133,7 @@ pub fn object(payload: &[u8], example: &str) -> Result<Map<String, Value>, Refus
     }
 }
 
-/// Checks that `object`, which `payload` contains, has only keys of `keys`, and each of them once.
+/// Checks that `object`, which `payload` contains, has only keys of `keys`, and none of them twice.
 ///
 /// # Errors
 /// It has another one, which is named, or one occurs twice.
@@ -303,7 +303,7 @@ pub fn short_number(text: &str, example: &str) -> Result<(), RefusedCommand> {
 /// What the keys `run`, `frequency_hz` and `reset` of a command order. A stop excludes the others, whatever they say.
 #[derive(Clone, Debug, PartialEq)]
 pub enum OrderWords {
-    /// A stop, or its output is cut off.
+    /// A stop, or coasting.
     Stop(Order),
     /// Something else, or nothing.
     Other {

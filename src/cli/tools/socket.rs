@@ -2,6 +2,7 @@
 
 use super::{CommandFailure, input};
 use crate::daemon::http::socket::SOCKET_NAME;
+use crate::north::api::read_tolerantly;
 use axum::body::{Body, Bytes, to_bytes};
 use axum::http::{Method, Request, StatusCode, header};
 use hyper::client::conn::http1;
@@ -121,8 +122,7 @@ pub async fn ask(
 /// # Errors
 /// It is another one, for people.
 pub fn document<T: DeserializeOwned>(answer: Value) -> Result<T, String> {
-    serde_json::from_value(answer)
-        .map_err(|error| format!("its answer cannot be understood: {error}"))
+    read_tolerantly(answer).map_err(|error| format!("its answer cannot be understood: {error}"))
 }
 
 /// The refusal that `answer` is; without content if it is none.

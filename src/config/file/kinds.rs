@@ -66,9 +66,8 @@ pub fn baud() -> ValueKind<'static, u32> {
 
 /// A unit of Modbus.
 pub fn unit() -> ValueKind<'static, UnitId> {
-    let right = "a unit from 1 to 247";
     ValueKind::number(UnitId::MIN..=UnitId::MAX)
-        .and_then(move |unit| UnitId::new(unit).ok_or_else(|| WrongValue::new(right)))
+        .and_then(|unit| UnitId::new(unit).ok_or_else(|| WrongValue::new("is no unit")))
 }
 
 /// An address with a port; `port` is used in the examples.

@@ -92,13 +92,13 @@ impl ListenerFile {
     }
 }
 
-/// Rules between the ends of this range are in `listen`.
+/// `listen` refuses times above 0 and below 1 s.
 fn idle_timeout() -> ValueKind<'static, Duration> {
     ValueKind::duration(Duration::ZERO..=hours(24))
         .listed_as("\"1s\" to \"24h\", or \"0s\" for none")
 }
 
-/// Rules between the ends of this range are in `listen`.
+/// `listen` refuses times above 0 and below 1 s.
 fn keep_alive() -> ValueKind<'static, Duration> {
     ValueKind::duration(Duration::ZERO..=hours(2))
         .listed_as("\"1s\" to \"2h\", whole seconds, or \"0s\" for none")

@@ -137,7 +137,7 @@ impl ConfigFile {
     }
 }
 
-/// The section of `text` about the gateway itself; `None` if it is not TOML, or has none.
+/// The section of `text` about the gateway itself; `None` if it is not TOML, has none, or it is no table.
 pub(super) fn gateway(text: &str) -> Option<GatewayFile> {
     let mut problems = Vec::new();
     let document = document(text, &mut problems)?;

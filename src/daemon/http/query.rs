@@ -49,7 +49,7 @@ impl QueryKeys {
         let (first, last) = (range.start(), range.end());
         let expected = || format!("seconds={first} to seconds={last} is expected");
         let keys = Self::read(query, &["seconds"]).map_err(|_| expected())?;
-        let Some(text) = keys.get("seconds") else {
+        let Some(text) = keys.0.get("seconds") else {
             return Ok(None);
         };
         match text.parse() {

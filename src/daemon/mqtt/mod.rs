@@ -92,7 +92,7 @@ pub type Chore = Box<dyn FnOnce() + Send>;
 /// A packet for the broker.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ClientPacket {
-    /// Subscribe to these filters at quality of service 1; they are answered together. With MQTT 5 retained messages are sent
+    /// Subscribe to these filters; they are answered together. With MQTT 5 retained messages are sent
     /// only for filters that request them, and the retain flag arrives as it was published.
     Subscribe(Vec<SubscriptionFilter>),
     /// Publish. A publication that is too large for the broker or has an invalid topic is dropped, logged and counted.

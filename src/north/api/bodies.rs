@@ -4,7 +4,7 @@ use crate::north::command_words::without_mark;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-/// The body in `json`; `None` unless it is an object with exactly the keys of `T`.
+/// The body in `json`; `None` unless it is an object with the keys of `T` and no others.
 #[must_use]
 pub fn read_exactly<T: DeserializeOwned>(json: &[u8]) -> Option<T> {
     let json = without_mark(json);
@@ -78,8 +78,11 @@ pub struct PersonBody {
 #[serde(deny_unknown_fields)]
 pub struct HandOverBody {
     /// The name of a line; without it, all lines on which the gateway sends.
-    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "named")]
-    #[serde(default)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "named"
+    )]
     pub line: Option<String>,
 }
 

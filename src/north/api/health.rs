@@ -140,7 +140,7 @@ pub struct BrokerHealthDocument {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct HostHealthDocument {
-    /// Whether the broker is connected.
+    /// Whether hosts can command: all is born, the primary host is online, and the path is proven.
     pub connected: bool,
     /// Why not.
     pub reason: Option<String>,

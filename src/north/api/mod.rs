@@ -1,7 +1,8 @@
 //! The documents that the gateway serves to its own tools, and the bodies that they send, as types for both sides.
 //!
-//! A document is read by tools that are a version older or newer: unknown keys are ignored, and missing ones have a
-//! default. A body is read exactly: unknown, missing and repeated keys are refused.
+//! A document is read by tools that are a version older or newer: unknown keys are ignored, and what is missing or of
+//! another type has a default. A body is read exactly: unknown and repeated keys are refused, and missing ones unless they
+//! are optional.
 
 mod bodies;
 mod health;
@@ -14,6 +15,7 @@ mod refusal;
 mod reload;
 mod setup;
 mod text;
+mod tolerant;
 mod traffic;
 mod trials;
 
@@ -50,6 +52,7 @@ pub use setup::{
     WordDocument,
 };
 pub use text::ApiText;
+pub use tolerant::read_tolerantly;
 pub use traffic::{
     FrameDocument, FrameValueDocument, LostRecords, TrafficDriveDocument, TrafficLineDocument,
 };

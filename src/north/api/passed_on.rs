@@ -1,5 +1,6 @@
 //! A document that a tool understands and prints as it came.
 
+use super::read_tolerantly;
 use serde::de::{DeserializeOwned, Error};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
@@ -15,7 +16,7 @@ pub struct PassedOn<T> {
 impl<'de, T: DeserializeOwned> Deserialize<'de> for PassedOn<T> {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         let sent = Value::deserialize(from)?;
-        let known = T::deserialize(&sent).map_err(D::Error::custom)?;
+        let known = read_tolerantly(sent.clone()).map_err(D::Error::custom)?;
         Ok(Self { known, sent })
     }
 }

@@ -78,7 +78,7 @@ impl<C> BrokerLink<C> {
         Some(SessionAct::Keep(drive, attempt))
     }
 
-    /// The event that is being handled belongs into the log.
+    /// Keeps `notice` for the log, one for each event.
     pub(in crate::north) fn notify(&mut self, notice: SessionNotice) {
         self.notice = Some(notice);
     }

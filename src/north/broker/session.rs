@@ -17,7 +17,7 @@ use std::sync::Arc;
 /// An act for the owner of a session.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SessionAct {
-    /// Subscribe to these filters at quality of service 1; they are answered together.
+    /// Subscribe to these filters; they are answered together.
     Subscribe(Vec<SubscriptionFilter>),
     /// Publish.
     Publish(Publication),
@@ -76,7 +76,7 @@ pub trait BrokerSession: Debug {
     type Settings;
     /// What a session counts.
     type Counters: Copy + Debug;
-    /// As what lines answer its commands.
+    /// To whom lines answer its commands.
     const ASKER: AskerId;
     /// The owner of its commands.
     const OWNER: Owner;

@@ -25,9 +25,9 @@ const GONE_MAX: usize = 4096;
 /// What one of several gateways of a name publishes. The default: everything, as the only one.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct PublishedShare {
-    /// Not what concerns no single line: another one leads.
+    /// Another gateway publishes what concerns no single line.
     pub(super) is_led: bool,
-    /// Not the status of the gateway as a whole.
+    /// The status of the gateway as a whole is not published.
     pub(super) is_silent: bool,
     /// These lines; `None`: all.
     pub(super) lines: Option<Vec<bool>>,

@@ -39,7 +39,7 @@ pub(super) enum MqttInbound<'t> {
 pub(super) enum PeerTopic<'t> {
     /// Whether the gateway is online.
     Status,
-    /// The report of the one called so.
+    /// The report of the gateway of this name in the pair.
     Standby(&'t str),
     /// A trip event of the drive of this name.
     Event(&'t str),
