@@ -313,11 +313,11 @@ mod tests {
     #[test]
     fn problems_of_all_texts_are_reported_with_their_files() {
         let problems = Catalog::from_texts([("a", "x ="), ("b", MODEL), ("c", MODEL)]).unwrap_err();
-        let told: Vec<_> = problems
+        let reported: Vec<_> = problems
             .iter()
             .map(|(file, problem)| (file.as_str(), problem.key.as_str()))
             .collect();
-        assert_eq!(told, [("a", ""), ("c", "id")]);
+        assert_eq!(reported, [("a", ""), ("c", "id")]);
     }
 
     #[test]

@@ -117,7 +117,8 @@ pub(super) fn each_is_told(changes: &[(&str, &str, &str)]) {
     each_is_told_of(EVERYTHING, changes);
 }
 
-/// The same for replacements in `model`.
+/// Asserts that each replacement in `model` is reported: a line per problem, with key, what is wrong and what would be
+/// right.
 pub(super) fn each_is_told_of(model: &str, changes: &[(&str, &str, &str)]) {
     check::model(model).unwrap();
     for (from, to, expected) in changes {

@@ -415,15 +415,15 @@ mod tests {
             block,
             &block.replace("count = 2", "count = 3"),
         );
-        let told = "write.block.count: a write of 3 words is longer than `read.max_bytes`\n    right: at most 1\n";
-        assert!(found.contains(told), "{found}");
+        let expected = "write.block.count: a write of 3 words is longer than `read.max_bytes`\n    right: at most 1\n";
+        assert!(found.contains(expected), "{found}");
     }
 
     #[test]
     fn a_reply_without_a_value_says_nothing_about_it() {
-        let told = "write.refused.value: the reply to a write by function 10 hex carries no value -> \
-                    \"exception\", or add 0x06 to `functions`";
-        each_mistake_is_told(&[("value = [3, 6]", "value = [3, 0x10]", told)]);
+        let expected = "write.refused.value: the reply to a write by function 10 hex carries no value -> \
+                        \"exception\", or add 0x06 to `functions`";
+        each_mistake_is_told(&[("value = [3, 6]", "value = [3, 0x10]", expected)]);
     }
 
     #[test]
@@ -439,16 +439,16 @@ mod tests {
             first,
             "code = 1\ntext = \"no\"\nkind = \"in-trip\"",
         );
-        let told = "exception[1].kind: a barrier takes exception 01 for the refusal of its function\n    \
-                    right: leave it out, or no `refused_function`\n";
-        assert!(found.contains(told), "{found}");
+        let expected = "exception[1].kind: a barrier takes exception 01 for the refusal of its function\n    \
+                        right: leave it out, or no `refused_function`\n";
+        assert!(found.contains(expected), "{found}");
     }
 
     #[test]
     fn run_commands_need_the_function_that_writes_them() {
         let found = told_with(EVERYTHING, "[0x03, 0x06, 0x08, 0x10]", "[0x03, 0x08]");
-        let told = "functions.value: run commands are written by function 06 or 10 hex, and neither is served\n";
-        assert!(found.contains(told), "{found}");
+        let expected = "functions.value: run commands are written by function 06 or 10 hex, and neither is served\n";
+        assert!(found.contains(expected), "{found}");
         let found = told_with(EVERYTHING, "[0x03, 0x06, 0x08, 0x10]", "[0x03, 0x08, 0x10]");
         assert!(!found.contains("run commands"), "10 hex is enough: {found}");
     }

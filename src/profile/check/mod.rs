@@ -181,10 +181,10 @@ mod tests {
                 title,
                 &format!("IM = {{ title = \"One\", {document} }}"),
             );
-            let told = format!(
+            let expected = format!(
                 "the source does not support \"manual\": `IM` is {what}\n    right: at best \"{best}\", or another source"
             );
-            assert_eq!(found.matches(&told).count(), facts, "{found}");
+            assert_eq!(found.matches(&expected).count(), facts, "{found}");
             let labelled = MODEL.replace("\"manual\"", &format!("\"{best}\""));
             model(&labelled.replace(title, &format!("IM = {{ title = \"One\", {document} }}")))
                 .unwrap();

@@ -235,7 +235,7 @@ mod tests {
 
     #[test]
     fn a_pause_stands_between_two_words_and_is_bounded() {
-        let told = |step: &str| told_with(BY_TIME, STEP, step).replace("\n    right: ", " -> ");
+        let problems = |step: &str| told_with(BY_TIME, STEP, step).replace("\n    right: ", " -> ");
         for (step, expected) in [
             (
                 "{ value = 0x04FE, wait = \"30s\" }",
@@ -270,7 +270,7 @@ mod tests {
                 "run.reset_sequence[2].wait: nothing follows the last word -> leave it out, or the quirk",
             ),
         ] {
-            let found = told(step);
+            let found = problems(step);
             assert!(found.contains(expected), "{step}: {found}");
         }
     }

@@ -264,22 +264,22 @@ mod tests {
     #[test]
     fn a_step_by_time_has_a_time_and_cuts_nothing_off() {
         const LEAST: &str = "at_least = \"100ms\"\n";
-        let told =
+        let problems =
             |from: &str, to: &str| told_with(BY_TIME, from, to).replace("\n    right: ", " -> ");
         check::model(BY_TIME).unwrap();
-        let found = told(LEAST, "");
+        let found = problems(LEAST, "");
         assert!(
             found.contains(
                 "run.start[0].at_least: nothing comes between this word and the next -> `until`"
             ),
             "{found}"
         );
-        let found = told(LEAST, "at_least = \"0s\"\n");
+        let found = problems(LEAST, "at_least = \"0s\"\n");
         assert!(
             found.contains("run.start[0].at_least: is no time for the drive to follow the word"),
             "{found}"
         );
-        let found = told("write = 0x047E", "write = 0x047C");
+        let found = problems("write = 0x047E", "write = 0x047C");
         let expected = "run.start[0].write: the word 1148 may cut off a motor that still ramps down -> \
                         `until` in the last `[[run.start]]`, or the stop 1150";
         assert!(found.contains(expected), "{found}");

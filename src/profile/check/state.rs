@@ -70,10 +70,10 @@ mod tests {
     #[test]
     fn one_polled_register_shows_each_state_once() {
         let model = check::model(START).unwrap();
-        let told = |word| model.drive_state(word);
-        assert_eq!(told(0x0221).as_deref(), Some("ready to switch on"));
-        assert_eq!(told(0x0208).as_deref(), Some("fault (inferred)"));
-        assert_eq!(told(0x0060), None, "an unknown word has no text");
+        let state_of = |word| model.drive_state(word);
+        assert_eq!(state_of(0x0221).as_deref(), Some("ready to switch on"));
+        assert_eq!(state_of(0x0208).as_deref(), Some("fault (inferred)"));
+        assert_eq!(state_of(0x0060), None, "an unknown word has no text");
         for (to, expected) in [
             (
                 "register = \"statis\"\nmask = 0x006F\nvalue = 0x0021",

@@ -247,26 +247,26 @@ mod tests {
     #[test]
     fn functions_serve_the_tables() {
         let served = "value = [0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0x0F]";
-        let told = |functions: &str, what: &str| {
+        let case = |functions: &str, what: &str| {
             (
                 format!("value = [{functions}, 0x0F]"),
                 format!("functions.value: {what}, if the manual names it"),
             )
         };
         let cases = [
-            told(
+            case(
                 "2, 3, 4, 5, 6",
                 "a coil is read by function 01, and it is not served -> a list with 0x01",
             ),
-            told(
+            case(
                 "1, 3, 4, 5, 6",
                 "a discrete input is read by function 02, and it is not served -> a list with 0x02",
             ),
-            told(
+            case(
                 "1, 2, 4, 5, 6",
                 "registers are read by function 03, and it is not served -> a list with 0x03",
             ),
-            told(
+            case(
                 "1, 2, 3, 5, 6",
                 "an input register is read by function 04, and it is not served -> a list with 0x04",
             ),

@@ -485,8 +485,8 @@ mod tests {
 
     /// What is said of `keys` in the one register of the small model.
     fn said(keys: &str) -> String {
-        let told = told_with(MODEL, "scale = 100\n", &format!("{keys}\n"));
-        let lines: Vec<_> = told.lines().map(str::trim).collect();
+        let found = told_with(MODEL, "scale = 100\n", &format!("{keys}\n"));
+        let lines: Vec<_> = found.lines().map(str::trim).collect();
         let said = lines.chunks(2).map(|pair| {
             let what = pair[0].split_once(' ').map_or(pair[0], |(_, what)| what);
             format!("{what} -> {}", pair[1].trim_start_matches("right: "))

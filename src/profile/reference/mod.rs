@@ -173,14 +173,17 @@ mod tests {
             [""; 0],
             "no model file of this repository has these tables"
         );
-        let told = all_keys();
+        let documented = all_keys();
         let read: BTreeSet<_> = schema.paths().collect();
-        let silent: Vec<_> = read.iter().filter(|path| !told.contains(**path)).collect();
+        let silent: Vec<_> = read
+            .iter()
+            .filter(|path| !documented.contains(**path))
+            .collect();
         assert!(
             silent.is_empty(),
             "keys without a sentence in `src/profile/reference`: {silent:?}"
         );
-        let stale: Vec<_> = told
+        let stale: Vec<_> = documented
             .iter()
             .filter(|path| !read.contains(path.as_str()))
             .collect();
@@ -218,14 +221,14 @@ mod tests {
             );
         }
         for Words { of, words } in words::WORDS {
-            let told: BTreeSet<_> = words.iter().map(|(word, _)| *word).collect();
+            let documented: BTreeSet<_> = words.iter().map(|(word, _)| *word).collect();
             let read: BTreeSet<_> = of
                 .iter()
                 .filter_map(|path| read.get(path))
                 .flatten()
                 .copied()
                 .collect();
-            assert_eq!(told, read, "{of:?}");
+            assert_eq!(documented, read, "{of:?}");
         }
     }
 
