@@ -18,7 +18,7 @@ pub struct ConfigChange {
     /// Keys whose change requires a restart of the gateway.
     pub needs_restart: Vec<&'static str>,
     /// The differences, in the order of the file.
-    pub told: Vec<ChangeNote>,
+    pub notes: Vec<ChangeNote>,
 }
 
 /// One difference.
@@ -134,7 +134,7 @@ impl ConfigChange {
             continues,
             listeners: listeners.map(socket_of).collect(),
             needs_restart: needs_restart(old, new),
-            told: change_notes(old, new),
+            notes: change_notes(old, new),
         }
     }
 
@@ -168,47 +168,47 @@ fn needs_restart(old: &Config, new: &Config) -> Vec<&'static str> {
 }
 
 fn change_notes(old: &Config, new: &Config) -> Vec<ChangeNote> {
-    let mut told = Vec::new();
+    let mut notes = Vec::new();
     if old.gateway != new.gateway {
-        told.push(ChangeNote {
+        notes.push(ChangeNote {
             part: ConfigPart::Gateway,
             name: None,
             how: PartChange::Changed,
         });
     }
     one(
-        &mut told,
+        &mut notes,
         ConfigPart::Standby,
         old.standby.as_ref(),
         new.standby.as_ref(),
     );
-    compare(&mut told, ConfigPart::Line, &lines(old), &lines(new));
-    compare(&mut told, ConfigPart::Drive, &drives(old), &drives(new));
+    compare(&mut notes, ConfigPart::Line, &lines(old), &lines(new));
+    compare(&mut notes, ConfigPart::Drive, &drives(old), &drives(new));
     one(
-        &mut told,
+        &mut notes,
         ConfigPart::Mqtt,
         old.mqtt.as_ref(),
         new.mqtt.as_ref(),
     );
     compare(
-        &mut told,
+        &mut notes,
         ConfigPart::ModbusTcp,
         &listeners(old),
         &listeners(new),
     );
     compare(
-        &mut told,
+        &mut notes,
         ConfigPart::ModbusRtu,
         &masters(old),
         &masters(new),
     );
     one(
-        &mut told,
+        &mut notes,
         ConfigPart::Http,
         old.http.as_ref(),
         new.http.as_ref(),
     );
-    told
+    notes
 }
 
 type Named<T> = Vec<(String, T)>;
@@ -280,13 +280,13 @@ fn masters(config: &Config) -> Named<(SerialMasterSettings, Served<'_>)> {
 
 /// In the order of `new`; removed parts are last.
 fn compare<T: PartialEq>(
-    told: &mut Vec<ChangeNote>,
+    notes: &mut Vec<ChangeNote>,
     part: ConfigPart,
     old: &Named<T>,
     new: &Named<T>,
 ) {
     let mut tell = |name: &String, how| {
-        told.push(ChangeNote {
+        notes.push(ChangeNote {
             part,
             name: Some(name.clone()),
             how,
@@ -308,7 +308,7 @@ fn compare<T: PartialEq>(
 }
 
 fn one<T: PartialEq>(
-    told: &mut Vec<ChangeNote>,
+    notes: &mut Vec<ChangeNote>,
     part: ConfigPart,
     old: Option<&T>,
     new: Option<&T>,
@@ -319,7 +319,7 @@ fn one<T: PartialEq>(
         (old, new) if old != new => PartChange::Changed,
         _ => return,
     };
-    told.push(ChangeNote {
+    notes.push(ChangeNote {
         part,
         name: None,
         how,

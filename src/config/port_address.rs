@@ -174,10 +174,10 @@ mod tests {
                 "tcp://",
             ),
         ] {
-            let (told, instead) = parse(text).expect_err(text);
+            let (problem, instead) = parse(text).expect_err(text);
             assert!(
-                told.contains(what) && instead.contains(right),
-                "{text}: {told}; {instead}"
+                problem.contains(what) && instead.contains(right),
+                "{text}: {problem}; {instead}"
             );
         }
     }

@@ -43,9 +43,9 @@ pub(super) fn settle(
             units.collect()
         })
         .collect();
-    let mut told = BTreeSet::new();
+    let mut reported = BTreeSet::new();
     for lines in served {
-        told_apart(file, lines, &units, &mut free, &mut told, problems);
+        told_apart(file, lines, &units, &mut free, &mut reported, problems);
     }
     units
 }
@@ -210,14 +210,14 @@ impl UnitClaim<'_> {
     }
 }
 
-/// Reports each unit that belongs to an earlier drive, or to the same drive, of the same listener. `told` holds the
+/// Reports each unit that belongs to an earlier drive, or to the same drive, of the same listener. `reported` holds the
 /// places that are already reported.
 fn told_apart(
     file: &ConfigFile,
     lines: &BTreeSet<usize>,
     units: &[Vec<DriveUnits>],
     free: &mut FreeUnits,
-    told: &mut BTreeSet<(usize, usize, UnitSide)>,
+    reported: &mut BTreeSet<(usize, usize, UnitSide)>,
     problems: &mut Vec<Problem>,
 ) {
     let mut owners: BTreeMap<UnitId, UnitClaim<'_>> = BTreeMap::new();
@@ -236,7 +236,7 @@ fn told_apart(
                     owners.insert(unit, claim);
                     continue;
                 };
-                if !follows_from_another(*owner, claim) && told.insert((*line, index, side)) {
+                if !follows_from_another(*owner, claim) && reported.insert((*line, index, side)) {
                     problems.push(clash(*owner, claim, unit, free));
                 }
             }

@@ -12,7 +12,7 @@ fn between(old: &str, new: &str) -> ConfigChange {
 }
 
 fn change_texts(change: &ConfigChange) -> Vec<String> {
-    change.told.iter().map(ToString::to_string).collect()
+    change.notes.iter().map(ToString::to_string).collect()
 }
 
 #[test]
@@ -88,7 +88,7 @@ fn what_differs_is_reported_and_nothing_else() {
         let change = between(CONTROLLED, &with(CONTROLLED, old, new));
         assert_eq!(change_texts(&change), *right, "{old} -> {new}");
         let back = between(&with(CONTROLLED, old, new), CONTROLLED);
-        assert_eq!(back.told.is_empty(), right.is_empty(), "{new} -> {old}");
+        assert_eq!(back.notes.is_empty(), right.is_empty(), "{new} -> {old}");
     }
 }
 
@@ -169,7 +169,7 @@ fn a_listener_keeps_its_socket_by_its_address_and_its_lines_by_their_names() {
             .iter()
             .any(|it| it.starts_with("modbus_tcp")),
         "{:?}",
-        moved.told
+        moved.notes
     );
     let one_less = with(&listed, "\"hall-1\", \"hall-2\"", "\"hall-2\"");
     assert_eq!(

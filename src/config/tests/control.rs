@@ -133,9 +133,9 @@ fn a_drive_that_may_be_commanded_is_looked_at() {
         )
     };
     assert_eq!(good(&poll("5s")).lines[0].drives[0].poll, seconds(5));
-    let told = problems(&poll("6s"));
+    let reported = problems(&poll("6s"));
     assert_eq!(
-        told,
+        reported,
         ["line[0].drive[0].poll: too slow for a drive with a control section; at most \"5s\""]
     );
 }
@@ -507,7 +507,7 @@ fn a_drive_whose_stop_is_unproven_takes_no_orders_until_that_is_accepted() {
     let acme = include_str!("../../../tests/golden/config/acme-two.toml");
     let stop = "stop = { value = 0, confidence = \"manual\"";
     let run_register = "role = \"run-command\"\nconfidence = \"manual\"";
-    let told = |from: &str, to: &str, lines: &str| {
+    let outcome = |from: &str, to: &str, lines: &str| {
         let catalog =
             Catalog::from_texts([("acme-two.toml", with(acme, from, to).as_str())]).unwrap();
         let text = with(
@@ -515,17 +515,9 @@ fn a_drive_whose_stop_is_unproven_takes_no_orders_until_that_is_accepted() {
             "on_shutdown = \"hold\"\n",
             &format!("on_shutdown = \"hold\"\n{lines}\n"),
         );
-        let told = |it: &Problem| {
-            format!(
-                "{}: {}; {}",
-                it.key,
-                it.what,
-                it.right.as_deref().unwrap_or("-")
-            )
-        };
         load(&text, &catalog)
             .map(drop)
-            .map_err(|problems| problems.iter().map(told).collect::<Vec<_>>())
+            .map_err(|problems| problems.iter().map(problem_text).collect::<Vec<_>>())
     };
     let inferred = stop.replace("manual", "inferred");
     let error = |what: &str, list: &str| {
@@ -535,25 +527,29 @@ fn a_drive_whose_stop_is_unproven_takes_no_orders_until_that_is_accepted() {
         )])
     };
     assert_eq!(
-        told(stop, &inferred, ""),
+        outcome(stop, &inferred, ""),
         error("stop (inferred)", "\"basic\"")
     );
     assert_eq!(
-        told(stop, &inferred, "accept_unverified = ['reset']"),
+        outcome(stop, &inferred, "accept_unverified = ['reset']"),
         error("stop (inferred)", "\"basic\", \"reset\""),
         "the line is the whole line"
     );
     let sibling = run_register.replace("manual", "sibling");
     assert_eq!(
-        told(run_register, &sibling, ""),
+        outcome(run_register, &sibling, ""),
         error("the run command's register (sibling)", "\"basic\"")
     );
     for accepted in [
         "accept_unverified = ['basic']",
         "accept_unverified = ['reset', 'basic']",
     ] {
-        assert_eq!(told(stop, &inferred, accepted), Ok(()), "{accepted}");
-        assert_eq!(told(run_register, &sibling, accepted), Ok(()), "{accepted}");
+        assert_eq!(outcome(stop, &inferred, accepted), Ok(()), "{accepted}");
+        assert_eq!(
+            outcome(run_register, &sibling, accepted),
+            Ok(()),
+            "{accepted}"
+        );
     }
 }
 

@@ -167,7 +167,7 @@ fn what_cannot_be_changed_safely_is_left_to_a_person() {
     let inline = "line = [{ name = \"a\", port = \"/dev/ttyUSB0\", drive = [{ name = \"p\", model = \"hyundai-n700\", station = 1 }] }]\n";
     let drive_inline = "[[line]]\nname = \"a\"\nport = \"/dev/ttyUSB0\"\ndrive = [{ name = \"p\", model = \"hyundai-n700\", station = 1 }]\n";
     let has = with_control(PLANT, "pump-1", &control()).unwrap().text;
-    let told = |done: Result<EditedText, CannotEdit>| done.unwrap_err().to_string();
+    let error_text = |done: Result<EditedText, CannotEdit>| done.unwrap_err().to_string();
     for (what, why) in [
         (with_line(inline, &line("b", &[])), "writes `line` inline"),
         (
@@ -189,7 +189,7 @@ fn what_cannot_be_changed_safely_is_left_to_a_person() {
         (with_line("[line", &line("b", &[])), "no valid TOML"),
         (with_line("line = 3", &line("b", &[])), "inline"),
     ] {
-        let found = told(what);
+        let found = error_text(what);
         assert!(found.contains(why), "{found}");
     }
     // Its header looks like another one where a text in several lines holds one.

@@ -46,15 +46,10 @@ fn settled(keys: &str, models: &[&str]) -> (Framing, String) {
 #[track_caller]
 fn refused(keys: &str, models: &[&str], expected: &[&str]) {
     let problems = load(&line(keys, models), &catalog()).expect_err(keys);
-    let told = |it: &Problem| {
-        format!(
-            "{}: {}; {}",
-            it.key,
-            it.what,
-            it.right.as_deref().unwrap_or("-")
-        )
-    };
-    assert_eq!(problems.iter().map(told).collect::<Vec<_>>(), expected);
+    assert_eq!(
+        problems.iter().map(problem_text).collect::<Vec<_>>(),
+        expected
+    );
 }
 
 #[test]
@@ -96,17 +91,12 @@ fn with_default(default: &str) -> Catalog {
 }
 
 #[track_caller]
-fn told(catalog: &Catalog, keys: &str, expected: &[&str]) {
+fn refused_with(catalog: &Catalog, keys: &str, expected: &[&str]) {
     let problems = load(&line(keys, &["acme-other"]), catalog).expect_err(keys);
-    let told = |it: &Problem| {
-        format!(
-            "{}: {}; {}",
-            it.key,
-            it.what,
-            it.right.as_deref().unwrap_or("-")
-        )
-    };
-    assert_eq!(problems.iter().map(told).collect::<Vec<_>>(), expected);
+    assert_eq!(
+        problems.iter().map(problem_text).collect::<Vec<_>>(),
+        expected
+    );
 }
 
 #[test]
@@ -123,12 +113,12 @@ fn what_no_factory_setting_says_must_be_stated() {
     let stops = format!(
         "line[0].stop_bits: `stop_bits` {left_out}; add `stop_bits`, and set it on every drive: one of 1, 2"
     );
-    told(&asks, "", &[&speed, &parity, &stops]);
+    refused_with(&asks, "", &[&speed, &parity, &stops]);
     let stated = "baud = 9600\nparity = 'even'\nstop_bits = 1";
     let bits = format!(
         "line[0].data_bits: `data_bits` {left_out}; add `data_bits`, and set it on every drive: one of 7, 8"
     );
-    told(&asks, &format!("framing = 'ascii'\n{stated}"), &[&bits]);
+    refused_with(&asks, &format!("framing = 'ascii'\n{stated}"), &[&bits]);
     let config = load(&line(stated, &["acme-other"]), &asks).unwrap();
     assert_eq!(config.lines[0].link.to_string(), "9600 8E1");
 }
@@ -143,7 +133,7 @@ fn the_factory_setting_of_an_ascii_drive_is_none_of_an_rtu_line() {
     let stops = format!(
         "line[0].stop_bits: `stop_bits` {left_out} `stop_bits`, and set it on every drive: one of 1, 2"
     );
-    told(&ascii, "baud = 9600\nparity = 'none'", &[&stops]);
+    refused_with(&ascii, "baud = 9600\nparity = 'none'", &[&stops]);
 }
 
 #[test]

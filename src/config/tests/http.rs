@@ -19,7 +19,8 @@ fn with_http(http: &str) -> String {
     )
 }
 
-/// The same on loopback with one user, whose keys are `user`.
+/// `CONTROLLED` with a drive that is commanded from the page too, and an HTTP listener on loopback with one user, whose
+/// keys are `user`.
 fn with_user(user: &str) -> String {
     with_http(&format!(
         "listen = '127.0.0.1:8080'\n[[http.users]]\n{user}"
@@ -118,9 +119,9 @@ fn a_user_has_one_password_that_is_kept_well() {
             "http.users[0].password_hash_file: the user has a `password_hash` already; {needed}"
         ),
     );
-    let told = problems(&with_user("name = 'anna'\npassword_hash = 'correct horse'"));
+    let reported = problems(&with_user("name = 'anna'\npassword_hash = 'correct horse'"));
     assert_eq!(
-        told,
+        reported,
         [
             "http.users[0].password_hash: the text is no hash in the PHC format; what `vfd-gateway password` prints"
         ],

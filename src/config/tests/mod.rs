@@ -158,19 +158,21 @@ fn shown(text: &str, problems: &[Problem]) -> String {
     shown
 }
 
+/// A problem without its place: `key: what; right`.
+fn problem_text(problem: &Problem) -> String {
+    format!(
+        "{}: {}; {}",
+        problem.key,
+        problem.what,
+        problem.right.as_deref().unwrap_or("-")
+    )
+}
+
 /// The problems of `text`, without their places.
 pub(super) fn problems(text: &str) -> Vec<String> {
     let problems =
         load(text, &catalog()).map_or_else(|problems| problems, |config| config.warnings);
-    let told = |it: &Problem| {
-        format!(
-            "{}: {}; {}",
-            it.key,
-            it.what,
-            it.right.as_deref().unwrap_or("-")
-        )
-    };
-    problems.iter().map(told).collect()
+    problems.iter().map(problem_text).collect()
 }
 
 /// `text` has exactly one problem.

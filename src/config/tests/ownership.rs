@@ -36,10 +36,10 @@ fn ownership_and_interlocks_are_taken_as_written() {
         ),
         (600, 86_400)
     );
-    let told = problems(&control_with("ownership = 'all'"));
+    let reported = problems(&control_with("ownership = 'all'"));
     let words = "\"one\" (only who holds control commands), \"any\" (control passes to the client that commands last)";
     assert_eq!(
-        told,
+        reported,
         [format!(
             "{AT}.ownership: `all` is not an allowed value; one of {words}"
         )]
@@ -90,14 +90,14 @@ fn a_drives_lease_goes_before_that_of_the_broker() {
             "{mqtt:?} {drive:?}"
         );
     }
-    let told = problems(&with(
+    let reported = problems(&with(
         &leases(None, Some("explicit")),
         "broker =",
         "alive_topic = 'ha/status'\nbroker =",
     ));
     assert!(
-        matches!(&told[..], [one] if one.contains("has no effect: an explicit lease does not depend on a topic")),
-        "{told:?}"
+        matches!(&reported[..], [one] if one.contains("has no effect: an explicit lease does not depend on a topic")),
+        "{reported:?}"
     );
 }
 
@@ -108,11 +108,11 @@ fn a_lease_over_mqtt_needs_mqtt() {
         "[\"mqtt\", \"modbus-tcp\"]",
         "['modbus-tcp']",
     );
-    let told = problems(&text);
+    let reported = problems(&text);
     let what = format!(
         "{AT}.lease: concerns commands over MQTT and Sparkplug only, and `from` names neither \"mqtt\" nor \"sparkplug\"; leave it out"
     );
-    assert_eq!(told, [what]);
+    assert_eq!(reported, [what]);
 }
 
 #[test]
@@ -124,10 +124,10 @@ fn an_explicit_lease_of_a_drive_is_not_held_to_the_probes() {
             "lost_after = '2s'",
         )
     };
-    let told = problems(&short(None));
+    let reported = problems(&short(None));
     assert!(
-        matches!(&told[..], [one] if one.contains("is shorter than 3 probes")),
-        "{told:?}"
+        matches!(&reported[..], [one] if one.contains("is shorter than 3 probes")),
+        "{reported:?}"
     );
     assert_eq!(control(&short(Some("explicit"))).lost_after.as_secs(), 2);
 }

@@ -256,10 +256,10 @@ fn a_unit_may_be_the_device_itself() {
 #[test]
 fn a_serial_master_is_not_reached_over_modbus_tcp() {
     let master = "[[modbus_rtu]]\nname = 'plc'\nport = 'modbus-tcp://10.0.0.9'\nbaud = 9600\nparity = 'none'\n";
-    let told = problems(&format!("{MINIMAL}\n{master}"));
+    let reported = problems(&format!("{MINIMAL}\n{master}"));
     assert!(
-        told[0]
+        reported[0]
             .starts_with("modbus_rtu[0].port: a serial master cannot be reached over Modbus TCP"),
-        "{told:?}"
+        "{reported:?}"
     );
 }

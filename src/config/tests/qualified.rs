@@ -57,7 +57,7 @@ fn loaded(
     text: &str,
     site: Result<&QualifiedResults, &str>,
 ) -> Result<(Arc<ControlSettings>, Vec<String>), Vec<String>> {
-    let told = |problems: &[Problem]| {
+    let problem_lines = |problems: &[Problem]| {
         problems
             .iter()
             .map(|it| format!("{}: {}", it.key, it.what))
@@ -66,14 +66,15 @@ fn loaded(
     match load_at_site(text, &catalog(), site) {
         Ok(config) => Ok((
             config.lines[0].drives[0].control.clone().unwrap(),
-            told(&config.warnings),
+            problem_lines(&config.warnings),
         )),
-        Err(problems) => Err(told(&problems)),
+        Err(problems) => Err(problem_lines(&problems)),
     }
 }
 
-fn is_named(told: &[String], key: &str, words: &str) -> bool {
-    told.iter()
+fn is_named(reported: &[String], key: &str, words: &str) -> bool {
+    reported
+        .iter()
         .any(|it| it.starts_with(&format!("{AT}{key}: ")) && it.contains(words))
 }
 

@@ -188,7 +188,7 @@ fn a_coast_is_proven_or_accepted() {
         "frecon-fr500a",
         "toshiba-vf-s15",
     ] {
-        let told = |text: &str| {
+        let coast_problems = |text: &str| {
             let text = text
                 .replace("hyundai-n700", model)
                 .replace("write = [\"F007\"]", "write = []");
@@ -197,11 +197,11 @@ fn a_coast_is_proven_or_accepted() {
                 .filter(|it| it.contains("coast"))
                 .collect::<Vec<_>>()
         };
-        let expected: Vec<_> = told(&of_commander)
+        let expected: Vec<_> = coast_problems(&of_commander)
             .iter()
             .map(|it| it.replace("on_commander_lost", "on_gateway_lost"))
             .collect();
-        assert_eq!(told(&coast), expected, "{model}");
+        assert_eq!(coast_problems(&coast), expected, "{model}");
     }
     assert!(
         problems(&of_commander.replace("hyundai-n700", "toshiba-vf-s15"))
@@ -255,10 +255,10 @@ fn a_line_that_cannot_be_heard_has_no_second_gateway() {
         ),
     ] {
         let text = with(&pair(), from, to);
-        let told = problems(&text);
+        let reported = problems(&text);
         assert!(
-            told.contains(&format!("{nothing}: {why}; {right}")),
-            "{told:?}"
+            reported.contains(&format!("{nothing}: {why}; {right}")),
+            "{reported:?}"
         );
     }
     good(&with(
@@ -270,9 +270,12 @@ fn a_line_that_cannot_be_heard_has_no_second_gateway() {
 
 #[test]
 fn the_station_of_the_gateways_is_no_drive() {
-    let told = problems(&with(&pair(), "station = 1\n", "station = 250\n"));
+    let reported = problems(&with(&pair(), "station = 1\n", "station = 250\n"));
     let expected = "line[0].drive[0].station: the gateways of a line use station 250 among themselves; another station of the drive";
-    assert!(told.iter().any(|problem| problem == expected), "{told:?}");
+    assert!(
+        reported.iter().any(|problem| problem == expected),
+        "{reported:?}"
+    );
 }
 
 #[test]
@@ -322,15 +325,15 @@ fn the_silence_is_no_shorter_than_the_line_needs() {
         "standby = true",
         "standby = true\nreply_timeout = \"8s\"",
     );
-    let [told] = &problems(&slow)[..] else {
+    let [problem] = &problems(&slow)[..] else {
         panic!("{:?}", problems(&slow))
     };
-    let least = told
+    let least = problem
         .split("at least \"")
         .nth(1)
         .and_then(|it| it.split('"').next())
         .unwrap();
-    assert!(told.contains("line `hall-1`"), "{told}");
+    assert!(problem.contains("line `hall-1`"), "{problem}");
     let given = good(&with(&slow, "\"5s\"", &format!("\"{least}\"")));
     let auto = good(&with(&slow, "\"5s\"", "\"auto\""));
     let (given, auto) = (
@@ -360,8 +363,8 @@ fn the_silence_is_no_shorter_than_the_line_needs() {
 fn all_mistakes_are_told_at_once() {
     let section = "[standby]\nhalf = \"a\"\npartner = \"a\"\nrank = 9\ntake_over_after = \"soon\"\nname = \"x\"\n";
     let text = pair_of(section, "standby = true\ninterface = \"rs232\"", "");
-    let told = problems(&text);
-    let keys: Vec<_> = told
+    let reported = problems(&text);
+    let keys: Vec<_> = reported
         .iter()
         .map(|it| it.split(": ").next().unwrap())
         .collect();
@@ -374,7 +377,10 @@ fn all_mistakes_are_told_at_once() {
         "line[0].interface",
         "line[0].drive[0].control.on_gateway_lost",
     ];
-    assert!(expected.iter().all(|key| keys.contains(key)), "{told:?}");
+    assert!(
+        expected.iter().all(|key| keys.contains(key)),
+        "{reported:?}"
+    );
 }
 
 #[test]
@@ -401,8 +407,8 @@ fn a_changed_pair_restarts_its_lines() {
             (&vec![None, Some(1)], &vec![0]),
             "{to}"
         );
-        let told: Vec<_> = change.told.iter().map(ToString::to_string).collect();
-        assert_eq!(told, ["standby: changed", "line hall-1: changed"]);
+        let notes: Vec<_> = change.notes.iter().map(ToString::to_string).collect();
+        assert_eq!(notes, ["standby: changed", "line hall-1: changed"]);
     }
     let alone = with(&both, "standby = true", "standby = false");
     let change = ConfigChange::between(&old, &good(&alone));

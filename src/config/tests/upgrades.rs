@@ -332,10 +332,10 @@ fn a_choice_that_moves_a_motor_is_never_guessed() {
         ),
     ] {
         let problems = load(&with(CONTROLLED, from, to), &catalog()).unwrap_err();
-        let told = problems
+        let reported = problems
             .iter()
             .filter(|it| it.what.ends_with("is not an allowed value"));
-        let rights: Vec<_> = told.map(|it| it.right.clone().unwrap()).collect();
+        let rights: Vec<_> = reported.map(|it| it.right.clone().unwrap()).collect();
         assert!(
             rights.len() == 1 && rights[0].contains(right) && rights[0].starts_with("one of "),
             "{rights:?}"

@@ -19,8 +19,8 @@ fn catalog() -> Catalog {
         .unwrap()
 }
 
-/// A drive of `model` with `lines` in its control section, on [that catalog](catalog).
-fn told(model: &str, lines: &str) -> Vec<String> {
+/// The problems of a drive of `model` with `lines` in its control section, on [that catalog](catalog).
+fn problems_of(model: &str, lines: &str) -> Vec<String> {
     let text = with(CONTROLLED, "[line.drive.native]\nwrite = [\"F007\"]\n", "");
     let text = with(
         &text,
@@ -36,15 +36,7 @@ fn told(model: &str, lines: &str) -> Vec<String> {
     let catalog = catalog();
     let problems = crate::config::load(&text, &catalog)
         .map_or_else(|problems| problems, |config| config.warnings);
-    let told = |it: &Problem| {
-        format!(
-            "{}: {}; {}",
-            it.key,
-            it.what,
-            it.right.as_deref().unwrap_or("-")
-        )
-    };
-    problems.iter().map(told).collect()
+    problems.iter().map(problem_text).collect()
 }
 
 #[test]
@@ -55,7 +47,7 @@ fn nothing_relies_on_a_watchdog_that_is_not_known() {
         "failsafe_confirm_timeout = '2s'",
     ] {
         let key = line.split_once(' ').unwrap().0;
-        assert_eq!(told("teco-e510", line), [""; 0], "{line}");
+        assert_eq!(problems_of("teco-e510", line), [""; 0], "{line}");
         let idle = if key == "failsafe_confirm_timeout" {
             "has no effect: "
         } else {
@@ -64,30 +56,33 @@ fn nothing_relies_on_a_watchdog_that_is_not_known() {
         let none = format!(
             "{AT}.{key}: {idle}no watchdog of its own is known for hyundai-n700; leave it out"
         );
-        assert_eq!(told("hyundai-n700", line), [none]);
+        assert_eq!(problems_of("hyundai-n700", line), [none]);
         for unproven in ["frecon-fr500a", "teco-e510s"] {
             let what = format!(
                 "{AT}.{key}: {idle}the watchdog of {unproven} is unproven and cannot be relied on; leave it out"
             );
-            assert_eq!(told(unproven, line).last(), Some(&what));
+            assert_eq!(problems_of(unproven, line).last(), Some(&what));
         }
     }
-    assert_eq!(told("hyundai-n700", "require_watchdog = false"), [""; 0]);
+    assert_eq!(
+        problems_of("hyundai-n700", "require_watchdog = false"),
+        [""; 0]
+    );
 }
 
 #[test]
 fn its_time_fits_between_the_frames_and_the_lease() {
     let one = |line: &str, part: &str| {
-        let told = told("teco-e510", line);
+        let reported = problems_of("teco-e510", line);
         assert!(
-            matches!(&told[..], [one] if one.starts_with(&format!("{AT}.watchdog: ")) && one.contains(part)),
-            "{told:?}"
+            matches!(&reported[..], [one] if one.starts_with(&format!("{AT}.watchdog: ")) && one.contains(part)),
+            "{reported:?}"
         );
     };
     one("watchdog = '10050ms'", "cannot be set to 10050ms");
     one("watchdog = '26s'", "cannot be set to 26s");
     one("watchdog = '500ms'", "may stop the motor without cause");
-    let longer = told("teco-e510", "watchdog = '20s'\n").len();
+    let longer = problems_of("teco-e510", "watchdog = '20s'\n").len();
     assert_eq!(longer, 0);
     let text = with(CONTROLLED, "lost_after = \"30s\"", "lost_after = '8s'");
     let text = with(&text, "[line.drive.native]\nwrite = [\"F007\"]\n", "");
@@ -103,11 +98,12 @@ fn its_time_fits_between_the_frames_and_the_lease() {
     );
     let text = with(&text, "on_shutdown", "watchdog = '9s'\non_shutdown");
     let catalog = catalog();
-    let told = crate::config::load(&text, &catalog).unwrap_err();
+    let reported = crate::config::load(&text, &catalog).unwrap_err();
     assert!(
-        told.iter()
+        reported
+            .iter()
             .any(|it| it.what == "a watchdog of 9s takes longer than `lost_after`, 8s"),
-        "{told:?}"
+        "{reported:?}"
     );
 }
 
@@ -122,11 +118,12 @@ fn the_registers_of_a_watchdog_are_not_listed_for_clients() {
         );
         let text = with(&text, "hyundai-n700", "teco-e510");
         let catalog = catalog();
-        let told = crate::config::load(&text, &catalog).unwrap_err();
+        let reported = crate::config::load(&text, &catalog).unwrap_err();
         assert!(
-            told.iter()
+            reported
+                .iter()
                 .any(|it| it.what.ends_with("sets the drive's own watchdog")),
-            "{listed}: {told:?}"
+            "{listed}: {reported:?}"
         );
     }
 }

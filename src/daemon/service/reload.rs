@@ -136,7 +136,7 @@ impl RunningGateway {
             return Err(ReloadRefusal::NeedsRestart(change.needs_restart));
         }
         let prepared = self.prepare(&new, &change).await?;
-        let mut told = change.told.clone();
+        let mut told = change.notes.clone();
         if !self.north.talks_as(prepared.broker_side.as_ref())
             && told.iter().all(|it| it.part != ConfigPart::Mqtt)
         {
