@@ -24,7 +24,7 @@ pub fn broker(args: &Args) -> Result<(), CommandFailure> {
         .build()
         .map_err(CommandFailure::failed)?;
     let done = runtime.block_on(async {
-        let told = told_to_end().map_err(CommandFailure::failed)?;
+        let stop_signal = told_to_end().map_err(CommandFailure::failed)?;
         let listening = broker::listen(args.listen)
             .await
             .map_err(CommandFailure::failed)?;
@@ -32,7 +32,7 @@ pub fn broker(args: &Args) -> Result<(), CommandFailure> {
         print(&format!("{ANNOUNCEMENT}{}\n", listening.address()))?;
         tokio::select! {
             () = listening.serve() => Err(CommandFailure::failed("the broker exited unexpectedly")),
-            () = told => Ok(()),
+            () = stop_signal => Ok(()),
             _ = closed => Ok(()),
         }
     });

@@ -501,18 +501,18 @@ mod tests {
                        [[modbus_tcp]]\nlisten = \"127.0.0.1:1502\"\nwrite = [\"127.0.0.1/32\"]\n";
         let line = "[[line]]\nname = \"hall\"\nport = \"/dev/ttyUSB0\"\n\
                     [[line.drive]]\nname = \"pump\"\nmodel = \"acme-exchange\"\nstation = 1\n";
-        let told = |model: &str| {
+        let reported = |model: &str| {
             let catalog = Catalog::from_texts([("exchange.toml", model)]).unwrap();
             super::report(&config::load(&format!("{line}{control}"), &catalog).unwrap())
         };
-        let found = told(text);
+        let found = reported(text);
         let deaf = "  a drive that hears nothing after a write gets it again as soon as it can hear: pump for 1000 ms\n";
         assert!(found.contains(deaf), "{found}");
         // A stored write with an assumed processing time of 10 ms, and the pause after it.
         let starts =
             "  a stop starts at most 230 ms after it is accepted while every drive answers,\n";
         assert!(found.contains(starts), "{found}");
-        assert!(!told(&text.replace("deaf_after = \"1s\"", "")).contains("hears nothing"));
+        assert!(!reported(&text.replace("deaf_after = \"1s\"", "")).contains("hears nothing"));
     }
 
     #[test]
@@ -524,15 +524,15 @@ mod tests {
         let listener = format!("[[modbus_tcp]]\nlisten = \"127.0.0.1:1\"\n{limits}");
         let text = text.replacen("[[modbus_tcp]]", &listener, 1);
         let found = super::report(&config::load(&text, &catalog).unwrap());
-        let told = "127.0.0.1:1: read-only; units 1 only; at most 9 clients; 127.0.0.1/32 never give way to others\n";
-        assert!(found.contains(told), "{found}");
+        let expected = "127.0.0.1:1: read-only; units 1 only; at most 9 clients; 127.0.0.1/32 never give way to others\n";
+        assert!(found.contains(expected), "{found}");
     }
 
     #[test]
     fn addresses_of_a_containers_bridge_are_warned_about() {
         let catalog = vendors::catalog();
         let text = include_str!("../../../tests/golden/config/several_vendors.toml");
-        let told = |allow: &str, write: &str| {
+        let reported = |allow: &str, write: &str| {
             let lists = format!("listen = \"0.0.0.0:1\"\nallow = [{allow}]\nwrite = [{write}]");
             let text = text.replacen(
                 "[[modbus_tcp]]",
@@ -550,7 +550,7 @@ mod tests {
             ),
             ("'10.0.0.0/8'", "'10.88.0.1/32'", "10.88.0.1/32"),
         ] {
-            let found = told(allow, write);
+            let found = reported(allow, write);
             assert!(
                 found.contains(&format!(
                     "\n  warning: {named}: behind the bridge of a container"
@@ -563,7 +563,7 @@ mod tests {
             ("'172.16.0.0/12'", "'172.18.0.0/24'"),
             ("'::/0'", ""),
         ] {
-            assert!(!told(allow, write).contains("bridge"), "{allow}");
+            assert!(!reported(allow, write).contains("bridge"), "{allow}");
         }
     }
 
@@ -571,7 +571,7 @@ mod tests {
     fn a_right_that_no_role_grants_is_nobodys() {
         let catalog = vendors::catalog();
         let text = include_str!("../../../tests/golden/config/several_vendors.toml");
-        let told = |roles: &str| {
+        let reported = |roles: &str| {
             let tls = format!(
                 "[[modbus_tcp]]\nlisten = \"127.0.0.1:802\"\n[modbus_tcp.tls]\n\
                  client_ca_file = \"/ca\"\ncert_file = \"/cert\"\nkey_file = \"/key\"\nroles = {{ {roles} }}\n[[modbus_tcp]]"
@@ -580,17 +580,17 @@ mod tests {
                 &config::load(&text.replacen("[[modbus_tcp]]", &tls, 1), &catalog).unwrap(),
             )
         };
-        let found = told("operator = [\"write\", \"stop\"]");
+        let found = reported("operator = [\"write\", \"stop\"]");
         assert!(
             found.contains("802: 0.0.0.0/0, ::/0 may write and stop, each as far as"),
             "{found}"
         );
-        let found = told("\"on call\" = [\"stop\"]");
+        let found = reported("\"on call\" = [\"stop\"]");
         assert!(
             found.contains("802: read-only, except that 0.0.0.0/0, ::/0 may stop, each as far as"),
             "{found}"
         );
-        let found = told("watcher = []");
+        let found = reported("watcher = []");
         assert!(found.contains("802: read-only, each as far as"), "{found}");
     }
 }

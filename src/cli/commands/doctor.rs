@@ -143,10 +143,11 @@ async fn watch(socket: &Path, args: &Args) -> Result<Vec<WatchedLine>, CommandFa
     Ok(reports)
 }
 
-/// What the gateway finds wrong at present. Another version may not tell.
+/// What the gateway finds wrong at present. Empty if its version does not report it.
 async fn advice(socket: &Path) -> Vec<PrintedFinding> {
-    let told = fetch_document(socket, "/api/v1/advice", PATIENCE).await;
-    told.map(|AdviceDocument { advice }| advice)
+    let answer = fetch_document(socket, "/api/v1/advice", PATIENCE).await;
+    answer
+        .map(|AdviceDocument { advice }| advice)
         .unwrap_or_default()
 }
 
@@ -389,7 +390,7 @@ mod tests {
     use super::*;
 
     /// A document as it is read from the wire.
-    fn told<T: DeserializeOwned>(json: Value) -> T {
+    fn parsed<T: DeserializeOwned>(json: Value) -> T {
         serde_json::from_value(json).unwrap()
     }
 
@@ -411,13 +412,13 @@ mod tests {
             ms to a reply  to a          replies  50 %  90 %  99 %  99.9 %  longest  waited for  suggested\n  \
             pump-1         stored write        7  4.25   5.0   6.0     7.0      9.0       500.0          -\n  \
             problem: pump-1: check termination\n";
-        assert_eq!(text(&[told(report)]), right);
+        assert_eq!(text(&[parsed(report)]), right);
     }
 
     #[test]
     fn what_is_wrong_with_the_gateway_itself_follows_the_lines() {
         let finding = json!({ "severity": "problem", "text": "the broker cannot be reached" });
-        let advice = [told(finding)];
+        let advice = [parsed(finding)];
         let own = own_findings(&advice);
         assert_eq!(
             section("gateway", &own),
@@ -438,9 +439,9 @@ mod tests {
         ];
         let advice: Vec<_> = signs
             .iter()
-            .flat_map(|sign| ["a", "b"].map(|line| told(finding(line, sign))))
+            .flat_map(|sign| ["a", "b"].map(|line| parsed(finding(line, sign))))
             .collect();
-        let found = of_motion(&advice, &[told(json!({ "line": "a" }))]);
+        let found = of_motion(&advice, &[parsed(json!({ "line": "a" }))]);
         assert_eq!(
             found.iter().map(|it| &*it.known.sign).collect::<Vec<_>>(),
             signs[..4]
@@ -453,13 +454,13 @@ mod tests {
 
     #[test]
     fn what_another_version_does_not_say_is_not_made_up() {
-        let shown = text(&[told(json!({}))]);
+        let shown = text(&[parsed(json!({}))]);
         assert!(
             shown.starts_with("line ? (? on ?): ?, watched for - s\n"),
             "{shown}"
         );
         let report = json!({ "link": null, "port": "modbus-tcp://10.0.0.7:502" });
-        let shown = line(&told(report));
+        let shown = line(&parsed(report));
         assert!(
             shown.starts_with("line ? (modbus-tcp://10.0.0.7:502): "),
             "{shown}"

@@ -332,13 +332,13 @@ fn drive_row(drive: &DriveHealthDocument) -> String {
         let _ = write!(text, ", {} {warning}", toned(WordTone::Notice, "warns:"));
     }
     if let Some(state) = &drive.undocumented_state {
-        let told = toned(WordTone::Notice, "undocumented state:");
-        let _ = write!(text, ", {told} {state}");
+        let label = toned(WordTone::Notice, "undocumented state:");
+        let _ = write!(text, ", {label} {state}");
     }
     let refused: Vec<_> = drive.refused.iter().map(name_of).collect();
     if !refused.is_empty() {
-        let told = toned(WordTone::Problem, "refuses to show");
-        let _ = write!(text, ", {told} {}", refused.join(", "));
+        let label = toned(WordTone::Problem, "refuses to show");
+        let _ = write!(text, ", {label} {}", refused.join(", "));
     }
     let site = drive.site.as_deref().unwrap_or_default();
     if !site.is_empty() {
@@ -473,7 +473,7 @@ mod tests {
     use serde_json::Value;
 
     /// A document as it is read from the wire.
-    fn told<T: DeserializeOwned>(json: Value) -> T {
+    fn parsed<T: DeserializeOwned>(json: Value) -> T {
         serde_json::from_value(json).unwrap()
     }
 
@@ -533,7 +533,7 @@ mod tests {
             ),
             (vec![], Err("not active: no line can be used")),
         ] {
-            let found = active(&told(json!({ "lines": lines })));
+            let found = active(&parsed(json!({ "lines": lines })));
             assert_eq!(
                 found,
                 expected.map(str::to_owned).map_err(str::to_owned),
@@ -557,7 +557,7 @@ mod tests {
             old,
         ];
         assert_eq!(
-            never_read(&told(json!({ "lines": lines, "drives": drives }))),
+            never_read(&parsed(json!({ "lines": lines, "drives": drives }))),
             ["two"]
         );
         assert_eq!(never_read(&HealthDocument::default()), [""; 0]);
@@ -567,7 +567,7 @@ mod tests {
     fn what_is_too_large_for_the_broker_is_named_with_size_and_limit() {
         let one = |n: u32| json!({ "topic": format!("vfd/a/{n}"), "bytes": 2500, "limit": 2000 });
         let health = json!({ "mqtt": { "connected": true, "oversized": [one(1)] } });
-        let shown = report(&told(health));
+        let shown = report(&parsed(health));
         assert!(
             shown.contains(
                 "mqtt: vfd/a/1 is not published: 2500 bytes, and the broker takes 2000\n"
@@ -575,7 +575,7 @@ mod tests {
             "{shown}"
         );
         let many: Vec<_> = (0..11).map(one).collect();
-        assert!(oversized("mqtt", &told::<Vec<_>>(json!(many))).ends_with("mqtt: and 3 more\n"));
+        assert!(oversized("mqtt", &parsed::<Vec<_>>(json!(many))).ends_with("mqtt: and 3 more\n"));
     }
 
     #[test]
@@ -585,13 +585,13 @@ mod tests {
         let seen =
             json!({ "run_state": "forward", "output_hz": 42.5, "at": "2026-01-02T03:04:05.678Z" });
         let row = "drive pump-1 MAY STILL RUN: last seen forward at 42.50 Hz, 2026-01-02T03:04:05.678Z; go to the drive\n";
-        assert_eq!(unseen_row(&told(drive(seen))), row);
+        assert_eq!(unseen_row(&parsed(drive(seen))), row);
         assert_eq!(
-            unseen_row(&told(drive(Value::Null))),
+            unseen_row(&parsed(drive(Value::Null))),
             "drive pump-1 MAY STILL RUN; go to the drive\n"
         );
         let drives = json!([{ "name": "fan-2" }, drive(Value::Null)]);
-        let report = report(&told(json!({ "drives": drives })));
+        let report = report(&parsed(json!({ "drives": drives })));
         assert!(
             report.find("MAY STILL RUN") < report.find("drive fan-2"),
             "{report}"
@@ -603,7 +603,7 @@ mod tests {
         let health = |may_still_run: bool, ready: bool| {
             let drive =
                 json!({ "name": "pump-1", "was_read": true, "may_still_run": may_still_run });
-            told(json!({ "ready": ready, "drives": [drive] }))
+            parsed(json!({ "ready": ready, "drives": [drive] }))
         };
         assert_eq!(why_not_in_order(&health(false, true)), None);
         assert_eq!(
@@ -621,7 +621,7 @@ mod tests {
 
     #[test]
     fn what_a_drive_does_against_its_order_is_named() {
-        let row = |key: &str, value: Value| drive_row(&told(json!({ key: value })));
+        let row = |key: &str, value: Value| drive_row(&parsed(json!({ key: value })));
         assert!(row("output_outside", true.into()).contains("outside the limits"));
         assert!(row("stopped_elsewhere", true.into()).contains("stopped elsewhere"));
         let stage = |stage: &str| row("failsafe", json!({ "action": "stop", "stage": stage }));
@@ -637,7 +637,7 @@ mod tests {
     fn a_drive_that_does_not_show_its_run_state_is_not_in_order() {
         let register = |essential: bool| json!({ "name": "output", "register": "0x3001", "code": 2, "essential": essential });
         let health = |essential| {
-            told(json!({ "drives": [{ "name": "a", "refused": [register(essential)] }] }))
+            parsed(json!({ "drives": [{ "name": "a", "refused": [register(essential)] }] }))
         };
         assert_eq!(essential_refused(&health(false)), None);
         let why = "drive a refuses to show output (exception 02)";
@@ -652,9 +652,9 @@ mod tests {
     #[test]
     fn a_shared_line_is_shown_with_the_role() {
         assert_eq!(
-            line_row(&told(line("a", "up", Some("listening")))),
+            line_row(&parsed(line("a", "up", Some("listening")))),
             "line a: up, listening\n"
         );
-        assert_eq!(line_row(&told(line("a", "up", None))), "line a: up\n");
+        assert_eq!(line_row(&parsed(line("a", "up", None))), "line a: up\n");
     }
 }

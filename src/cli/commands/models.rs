@@ -311,10 +311,11 @@ mod tests {
             of_vendor(catalog.models(), None).unwrap().len(),
             catalog.ids().count()
         );
-        let told = ids("etaon").unwrap_err();
+        let error = ids("etaon").unwrap_err();
         assert!(
-            told.contains("no model is of a maker etaon") && told.contains("Danfoss, Delta, Eaton"),
-            "{told}"
+            error.contains("no model is of a maker etaon")
+                && error.contains("Danfoss, Delta, Eaton"),
+            "{error}"
         );
         assert!(ids("").is_err());
     }

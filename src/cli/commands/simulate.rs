@@ -297,13 +297,13 @@ fn play_until_told(
         .enable_all()
         .build()
         .map_err(CommandFailure::failed)?;
-    let told = {
+    let stop_signal = {
         let _on_runtime = runtime.enter();
         told_to_end().map_err(CommandFailure::failed)?
     };
     print(announcement)?;
     let trip = |bus: &mut SimBus, now| trips.trip_if_due(bus, now);
-    simulator::play_beside(line, bus, trip, || runtime.block_on(told))
+    simulator::play_beside(line, bus, trip, || runtime.block_on(stop_signal))
         .map_err(CommandFailure::failed)?;
     let report = bus.report();
     tracing::info!(
@@ -392,16 +392,16 @@ mod tests {
             settings("simulate --model delta-vfd-el --framing ascii"),
             Ok("9600 7N2".to_owned())
         );
-        let told = settings("simulate --model delta-vfd-el").unwrap_err();
+        let error = settings("simulate --model delta-vfd-el").unwrap_err();
         assert!(
-            told.contains("ASCII frames at 9600 7N2: add `--framing ascii`; or"),
-            "{told}"
+            error.contains("ASCII frames at 9600 7N2: add `--framing ascii`; or"),
+            "{error}"
         );
         assert_eq!(
             settings("simulate --model delta-vfd-el --data-bits 8"),
             Ok("9600 8N2".to_owned())
         );
-        let told = settings("simulate --model hyundai-n700 --data-bits 7").unwrap_err();
-        assert!(told.contains("7 go with `--framing ascii`"), "{told}");
+        let error = settings("simulate --model hyundai-n700 --data-bits 7").unwrap_err();
+        assert!(error.contains("7 go with `--framing ascii`"), "{error}");
     }
 }

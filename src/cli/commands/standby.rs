@@ -190,7 +190,7 @@ mod tests {
     use serde::de::DeserializeOwned;
 
     /// A document as it is read from the wire.
-    fn told<T: DeserializeOwned>(json: Value) -> T {
+    fn parsed<T: DeserializeOwned>(json: Value) -> T {
         serde_json::from_value(json).unwrap()
     }
 
@@ -250,22 +250,22 @@ mod tests {
             ),
         ] {
             assert_eq!(
-                row(&told(line(state, role, hears, listener))),
+                row(&parsed(line(state, role, hears, listener))),
                 format!("line hall-1: a is {expected}; {counts}\n")
             );
         }
         let alone = json!({ "name": "hall-2", "state": "up", "standby": null });
-        assert_eq!(row(&told(alone)), "line hall-2: no second gateway\n");
+        assert_eq!(row(&parsed(alone)), "line hall-2: no second gateway\n");
     }
 
     #[test]
     fn each_line_says_what_came_of_it() {
         let answer = json!({ "yielded": true, "lines": [{ "line": "hall-1", "outcome": "handed_over", "message": "done" }] });
-        assert_eq!(yield_message(&told(answer)), "line hall-1: done\n");
-        assert!(yield_message(&told(json!({ "lines": [] }))).contains("nothing to hand over"));
+        assert_eq!(yield_message(&parsed(answer)), "line hall-1: done\n");
+        assert!(yield_message(&parsed(json!({ "lines": [] }))).contains("nothing to hand over"));
         let refused = json!({ "error": "there is no line `c`", "lines": ["a", "b"] });
         assert_eq!(
-            unknown(&told(refused)),
+            unknown(&parsed(refused)),
             "there is no line `c`; the lines are a, b"
         );
     }

@@ -77,13 +77,13 @@ pub fn watch(args: &Args) -> Result<(), CommandFailure> {
         .build()
         .map_err(CommandFailure::failed)?;
     runtime.block_on(async {
-        let mut told = pin!(told_to_end().map_err(CommandFailure::failed)?);
+        let mut stop_signal = pin!(told_to_end().map_err(CommandFailure::failed)?);
         let mut reached = tokio::select! {
-            () = &mut told => return Ok(()),
+            () = &mut stop_signal => return Ok(()),
             reached = args.what.reach() => reached?,
         };
         let ended = tokio::select! {
-            () = &mut told => Ok(()),
+            () = &mut stop_signal => Ok(()),
             ended = show(args, &asked, &mut reached.client) => ended,
         };
         reached.close().await;

@@ -74,13 +74,13 @@ pub fn write(args: &Args) -> Result<(), CommandFailure> {
         .map_err(CommandFailure::failed)?;
     runtime.block_on(async {
         // Set up before the first frame, so that no signal leaves a running drive behind.
-        let mut told = pin!(told_to_stop().map_err(CommandFailure::failed)?);
+        let mut stop_signal = pin!(told_to_stop().map_err(CommandFailure::failed)?);
         let extra = extra(&args.target, &args.straight, &order)?;
         let mut reached = tokio::select! {
-            () = &mut told => return Ok(()),
+            () = &mut stop_signal => return Ok(()),
             reached = args.target.reach(order.is_uniform, &extra) => reached?,
         };
-        let done = execute(args, &order, &mut reached.client, told).await;
+        let done = execute(args, &order, &mut reached.client, stop_signal).await;
         reached.close().await;
         done
     })
@@ -90,12 +90,12 @@ async fn execute(
     args: &Args,
     order: &WriteOrder,
     client: &mut UnitClient,
-    mut told: Pin<&mut impl Future<Output = ()>>,
+    mut stop_signal: Pin<&mut impl Future<Output = ()>>,
 ) -> Result<(), CommandFailure> {
     if !(order.makes_run() || order.takes()) || args.once {
         tokio::select! {
             sent = order.send(client) => sent?,
-            () = &mut told => return Err(CommandFailure::failed(order.interrupted())),
+            () = &mut stop_signal => return Err(CommandFailure::failed(order.interrupted())),
         }
         if order.makes_run() || order.takes() || order.starts.is_some() {
             complain(b"warning: nothing renews the lease; the drive will run its fail-safe action when it expires\n");
@@ -121,7 +121,7 @@ async fn execute(
         order.text
     ))?;
     let lost = tokio::select! {
-        () = &mut told => None,
+        () = &mut stop_signal => None,
         lost = renew_lease(client, ours) => Some(lost),
     };
     match lost {

@@ -356,11 +356,11 @@ mod tests {
             (&*dir, "a regular file is needed"),
             (&*long, "1048576 bytes are the most"),
         ] {
-            for told in [read(path).err(), configuration(path).err()] {
-                let told = told.unwrap().to_string();
+            for failure in [read(path).err(), configuration(path).err()] {
+                let text = failure.unwrap().to_string();
                 assert!(
-                    told.contains(why) && told.contains(&path.display().to_string()),
-                    "{told}"
+                    text.contains(why) && text.contains(&path.display().to_string()),
+                    "{text}"
                 );
             }
         }

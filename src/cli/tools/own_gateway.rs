@@ -246,8 +246,8 @@ impl OwnGateway {
                 )
             });
         let thread = thread.map_err(CommandFailure::failed)?;
-        let told = tokio::time::timeout(STARTS_WITHIN, shown).await;
-        let Ok(Ok(current)) = told else {
+        let started = tokio::time::timeout(STARTS_WITHIN, shown).await;
+        let Ok(Ok(current)) = started else {
             return Err(CommandFailure::failed(why_not_started(thread)));
         };
         let own = Self {

@@ -24,8 +24,8 @@ pub fn run(file: &Path) -> Result<(), CommandFailure> {
     };
     let mut end = Ok(());
     let started = daemon::run(&config, Some(load), async |running| {
-        let told = match told_to_end() {
-            Ok(told) => told,
+        let stop_signal = match told_to_end() {
+            Ok(stop_signal) => stop_signal,
             Err(error) => {
                 end = Err(error);
                 return;
@@ -44,7 +44,7 @@ pub fn run(file: &Path) -> Result<(), CommandFailure> {
         if let Some(address) = running.http {
             tracing::info!(%address, "HTTP");
         }
-        told.await;
+        stop_signal.await;
         tracing::info!("shutdown requested");
     });
     started.map_err(CommandFailure::failed)?;

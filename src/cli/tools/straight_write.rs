@@ -160,10 +160,10 @@ pub async fn arm(
     arm_simulated(client, straight).await
 }
 
-/// The same where no motor turns.
+/// Prepares a simulated drive for a run command, without the warning of [`arm`].
 ///
 /// # Errors
-/// As of [`arm`].
+/// See [`arm`].
 pub async fn arm_simulated(
     client: &mut UnitClient,
     straight: &StraightOptions,

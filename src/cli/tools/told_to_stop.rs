@@ -9,11 +9,11 @@ use tokio::signal::unix::{SignalKind, signal};
 /// # Errors
 /// The system refuses a handler.
 pub fn told_to_stop() -> io::Result<impl Future<Output = ()>> {
-    let told = told_to_end()?;
+    let stop_signal = told_to_end()?;
     let mut hangup = signal(SignalKind::hangup())?;
     Ok(async move {
         tokio::select! {
-            () = told => {}
+            () = stop_signal => {}
             _ = hangup.recv() => {}
         }
     })

@@ -69,7 +69,7 @@ pub fn capture(args: &Args) -> Result<(), CommandFailure> {
         .build()
         .map_err(CommandFailure::failed)?;
     runtime.block_on(async {
-        let told = pin!(told_to_end().map_err(CommandFailure::failed)?);
+        let stop_signal = pin!(told_to_end().map_err(CommandFailure::failed)?);
         let at =
             |reason| CommandFailure::failed(format!("gateway at {}: {reason}", socket.display()));
         let line = match &args.line {
@@ -85,7 +85,7 @@ pub fn capture(args: &Args) -> Result<(), CommandFailure> {
         let header = source.header().await.map_err(at)?;
         let mut capture = CaptureFile::new(args, &header)?;
         let end = tokio::select! {
-            () = told => Ok(CaptureEnd::Wanted),
+            () = stop_signal => Ok(CaptureEnd::Wanted),
             () = time_is_up(args.seconds) => Ok(CaptureEnd::Wanted),
             end = capture.run(&mut source) => end,
         };
@@ -248,13 +248,14 @@ impl<'a> CaptureFile<'a> {
     /// Writes a frame. Returns whether the output still has a reader.
     fn frame(&mut self, data: &str) -> Result<bool, CommandFailure> {
         let frame = serde_json::from_str(data).ok();
-        let Some(told) = frame.and_then(|frame| PacketFrame::of(&frame, self.framing)) else {
+        let Some(packet_frame) = frame.and_then(|frame| PacketFrame::of(&frame, self.framing))
+        else {
             return Err(CommandFailure::failed(
                 "the gateway's answer cannot be parsed; it may be another version",
             ));
         };
         let dropped = std::mem::take(&mut self.dropped);
-        let is_read = self.put(&pcapng::packet(&told.packet(dropped)))?;
+        let is_read = self.put(&pcapng::packet(&packet_frame.packet(dropped)))?;
         self.frames += u64::from(is_read);
         Ok(is_read)
     }

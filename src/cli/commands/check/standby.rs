@@ -332,7 +332,7 @@ mod tests {
         let catalog = crate::profile::catalog::Catalog::of_sound(&others)
             .with_texts([("teco/e510.toml", e510)])
             .unwrap();
-        let told = |take_over: &str| {
+        let checked = |take_over: &str| {
             let text = format!(
                 "[standby]\nhalf = \"a\"\npartner = \"b\"\ntake_over_after = \"{take_over}\"\n[[line]]\nname = \"hall\"\nport = \
                  \"/dev/ttyUSB0\"\nstandby = true\n[[line.drive]]\nname = \"pump\"\nmodel = \"teco-e510\"\nstation = 1\n\
@@ -345,12 +345,12 @@ mod tests {
             (report(&config), summary::summary(&config))
         };
         let warning = "its own watchdog of 10s may act before gateway a takes the line over";
-        let (report, summary) = told("10s");
+        let (report, summary) = checked("10s");
         assert!(
             report.contains(warning) && summary.contains(&format!("warning: pump: {warning}")),
             "{report}{summary}"
         );
-        let (report, summary) = told("auto");
+        let (report, summary) = checked("auto");
         assert!(
             !report.contains(warning) && !summary.contains(warning),
             "{report}{summary}"

@@ -184,13 +184,13 @@ fn serve(modbus: u16, http: u16, plant: DemoPlant<'_>) -> Result<(), StartError>
             StartError::System(io::Error::other("the demo's own configuration is refused"))
         })?;
     daemon::run(&config, None, async |running| {
-        let told = match told_to_end() {
-            Ok(told) => told,
+        let stop_signal = match told_to_end() {
+            Ok(stop_signal) => stop_signal,
             Err(error) => return tracing::error!(%error, "cannot wait for Ctrl-C"),
         };
         // The reader of the output may be gone; the demo continues.
         let _ = print(&welcome(running, plant));
-        told.await;
+        stop_signal.await;
     })
 }
 

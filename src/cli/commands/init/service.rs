@@ -309,11 +309,11 @@ mod tests {
             run("false"),
             run("never"),
         ];
-        let told = execute_steps(&steps).unwrap_err().to_string();
+        let failure = execute_steps(&steps).unwrap_err().to_string();
         assert!(
-            told.starts_with("false: exit status: 1")
-                && told.ends_with("Left to do:\n  false\n  never"),
-            "{told}"
+            failure.starts_with("false: exit status: 1")
+                && failure.ends_with("Left to do:\n  false\n  never"),
+            "{failure}"
         );
         assert_eq!(std::fs::read_to_string(file).unwrap(), "[Unit]\n");
         assert_eq!(

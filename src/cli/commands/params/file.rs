@@ -343,7 +343,7 @@ mod tests {
     #[test]
     fn what_is_no_dump_is_reported() {
         let text = dump().text();
-        for (old, new, told) in [
+        for (old, new, expected) in [
             ("[drive]", "[drives]", "no `drives`"),
             ("model = ", "modell = ", "drive.model is missing"),
             (
@@ -364,7 +364,7 @@ mod tests {
             ),
         ] {
             let wrong = ParameterDump::parse(&text.replacen(old, new, 1)).unwrap_err();
-            assert!(wrong.contains(told), "{new}: {wrong}");
+            assert!(wrong.contains(expected), "{new}: {wrong}");
         }
     }
 }

@@ -112,10 +112,10 @@ pub fn params(args: &Args) -> Result<(), CommandFailure> {
         .build()
         .map_err(CommandFailure::failed)?;
     runtime.block_on(async {
-        let told = told_to_end().map_err(CommandFailure::failed)?;
+        let stop_signal = told_to_end().map_err(CommandFailure::failed)?;
         tokio::select! {
             done = act(&args.action) => done,
-            () = told => Err(CommandFailure::failed("interrupted before it was done")),
+            () = stop_signal => Err(CommandFailure::failed("interrupted before it was done")),
         }
     })
 }

@@ -152,13 +152,13 @@ mod tests {
         };
         let (asked, dump) = walked(has);
         assert_eq!((asked, dump.parameters.len()), (20 + REFUSED_MAX - 1, 14));
-        let told = [
+        let expected = [
             "F00: the drive refuses to show it",
             "F05 to F09: the drive refuses to show it",
             "F20 to F35: the drive refuses to show it",
             "group F behind F35: not read: the drive showed none of those before them",
         ];
-        assert_eq!(left_out(&dump), told);
+        assert_eq!(left_out(&dump), expected);
         let (asked, dump) = walked(shown);
         assert_eq!(
             (asked, dump.parameters.len(), dump.left_out.len()),
@@ -177,11 +177,11 @@ mod tests {
             }
         });
         assert_eq!((asked, dump.parameters.len()), (4 + SILENT_MAX - 1, 3));
-        let told = [
+        let expected = [
             "F00: no answer",
             "F04 to F06: no answer",
             "group F behind F06: not read: the drive showed none of those before them",
         ];
-        assert_eq!(left_out(&dump), told);
+        assert_eq!(left_out(&dump), expected);
     }
 }

@@ -5,7 +5,7 @@ mod person;
 mod report;
 mod seen;
 mod session;
-mod told;
+mod texts;
 
 use crate::cli::tools::told_to_stop::told_to_stop;
 use crate::cli::tools::{CommandFailure, print, socket};
@@ -51,7 +51,7 @@ pub fn qualify(args: &Args) -> Result<(), CommandFailure> {
     runtime.block_on(async {
         let look = gateway.look().await?;
         if args.list {
-            return print(&told::list(&look));
+            return print(&texts::list(&look));
         }
         if let Some(file) = &args.report {
             return report::write(file, &look);
@@ -67,8 +67,8 @@ pub fn qualify(args: &Args) -> Result<(), CommandFailure> {
 async fn make(gateway: &TrialDrive, look: &TrialDocument, by: &str) -> Result<(), CommandFailure> {
     may_begin(look)?;
     // Handled before the first frame, so that no signal leaves a running motor behind.
-    let mut told = pin!(told_to_stop().map_err(CommandFailure::failed)?);
-    print(&told::beginning(look))?;
+    let mut stop_signal = pin!(told_to_stop().map_err(CommandFailure::failed)?);
+    print(&texts::beginning(look))?;
     let mut session = TrialSession::new(
         gateway,
         TypedLines::listen().map_err(CommandFailure::failed)?,
@@ -77,7 +77,7 @@ async fn make(gateway: &TrialDrive, look: &TrialDocument, by: &str) -> Result<()
     );
     let ended = tokio::select! {
         biased;
-        () = &mut told => Err(TrialsEnd::Interrupted),
+        () = &mut stop_signal => Err(TrialsEnd::Interrupted),
         ended = session.run() => ended,
     };
     // Whatever has happened: the last word is a stop. A second signal does not prevent it.
@@ -86,7 +86,7 @@ async fn make(gateway: &TrialDrive, look: &TrialDocument, by: &str) -> Result<()
     } else {
         None
     };
-    print(&told::summary(&session.found))?;
+    print(&texts::summary(&session.found))?;
     if let Some(Err(failure)) = stopped {
         return Err(CommandFailure::failed(format!(
             "NOT KNOWN TO BE STOPPED, use the hard-wired stop: {failure}"

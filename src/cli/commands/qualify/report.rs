@@ -9,16 +9,16 @@ use std::path::Path;
 
 /// Writes the report of the drive in the document `look` to a new `file`.
 pub(super) fn write(file: &Path, look: &TrialDocument) -> Result<(), CommandFailure> {
-    let told =
+    let failure =
         |error: std::io::Error| CommandFailure::failed(format!("{}: {error}", file.display()));
     let mut new = OpenOptions::new()
         .write(true)
         .create_new(true)
         .open(file)
-        .map_err(told)?;
+        .map_err(failure)?;
     new.write_all(format!("{:#}\n", report(look)).as_bytes())
         .and_then(|()| new.sync_all())
-        .map_err(told)?;
+        .map_err(failure)?;
     print(&format!(
         "{}: written; read it before you send it\n",
         file.display()
@@ -61,10 +61,10 @@ mod tests {
             "orders": { "stop": [{ "frame": "SECRET" }] }, "state": { "presence": "SECRET" },
         });
         let look: TrialDocument = serde_json::from_value(look).unwrap();
-        let told = report(&look);
-        assert!(!told.to_string().contains("SECRET"), "{told}");
+        let shown = report(&look);
+        assert!(!shown.to_string().contains("SECRET"), "{shown}");
         assert_eq!(
-            (&told["model"], &told["facts"][0]["result"]),
+            (&shown["model"], &shown["facts"][0]["result"]),
             (&json!("acme-1"), &json!("confirmed"))
         );
         let mut void = look;

@@ -4,7 +4,7 @@
 use super::gateway::{HeldLease, OrderOutcome, TrialDrive};
 use super::person::{TypedLines, is_skip, is_yes};
 use super::seen::{ComparedState, ExpectedState, SeenState, compare, said};
-use super::told;
+use super::texts;
 use crate::cli::tools::{CommandFailure, print};
 use crate::config::qualified::TrialFinding;
 use crate::daemon::host::clock;
@@ -360,14 +360,14 @@ impl<'a> TrialSession<'a> {
         self.keep("release", both(step, seen)).await
     }
 
-    /// Tells a trial, and asks whether to send it. `false`: it is left out.
+    /// Describes a trial, and asks whether to send it. `false`: it is left out.
     async fn agrees(
         &mut self,
         title: &str,
         orders: &[&str],
         expected: &str,
     ) -> Result<bool, TrialsEnd> {
-        print(&told::trial(self.look, title, orders, expected))?;
+        print(&texts::trial(self.look, title, orders, expected))?;
         match self.person.ask("send it? [y/N/skip] ").await? {
             None => Err(TrialsEnd::NoInput),
             Some(answer) if is_yes(&answer) => Ok(true),

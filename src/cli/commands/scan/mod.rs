@@ -191,7 +191,7 @@ fn write_new(path: &std::path::Path, text: &str) -> Result<(), CommandFailure> {
 }
 
 fn announcement(args: &Args, plan: &ScanPlan) -> String {
-    let (silent, told) = plan.duration();
+    let (silent, additional) = plan.duration();
     let settings: Vec<_> = plan.settings.iter().map(setting_text).collect();
     let settings = match args.port {
         config::PortAddress::Tcp { .. } | config::PortAddress::ModbusTcp { .. } => {
@@ -205,6 +205,6 @@ fn announcement(args: &Args, plan: &ScanPlan) -> String {
         args.port,
         if stations == 1 { "" } else { "s" },
         seconds(silent),
-        seconds(told),
+        seconds(additional),
     )
 }

@@ -221,10 +221,10 @@ const PROMISED_MORE: Duration = Duration::from_secs(1200);
 #[test]
 fn an_unknown_line_is_known_in_bounded_time_whatever_hangs_there() {
     let plan = factory_plan("1-32");
-    let (silent, told) = plan.duration();
+    let (silent, additional) = plan.duration();
     assert!(
-        silent < PROMISED && told < PROMISED_MORE,
-        "reckoned: {silent:?} and {told:?}"
+        silent < PROMISED && additional < PROMISED_MORE,
+        "reckoned: {silent:?} and {additional:?}"
     );
     let all: Vec<u8> = (1..=32).collect();
     let catalog = crate::vendors::catalog();
@@ -235,8 +235,8 @@ fn an_unknown_line_is_known_in_bounded_time_whatever_hangs_there() {
         let findings = played(&plan, &mut line);
         let took = line.now.since(MonoTime::ZERO);
         assert!(
-            took < silent + told,
-            "{}: {took:?} of {silent:?} and {told:?}",
+            took < silent + additional,
+            "{}: {took:?} of {silent:?} and {additional:?}",
             model.id
         );
         assert_eq!(findings.drives.len(), 32, "{}", model.id);

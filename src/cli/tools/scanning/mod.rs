@@ -32,11 +32,11 @@ pub fn scanned(plan: &ScanPlan, port: ToolPort) -> Result<ScanOutcome, CommandFa
     runtime.block_on(async {
         let mut findings = ScanFindings::default();
         let mut asker = PortAsker::new(port);
-        let told = told_to_end().map_err(CommandFailure::failed)?;
+        let stop_signal = told_to_end().map_err(CommandFailure::failed)?;
         let mut shown = ShownProgress { plan, bar: ProgressBar::new(plan.asks()) };
         let ended = tokio::select! {
             done = survey(plan, &mut asker, &mut findings, |event| shown.event(&event)) => done.map_err(CommandFailure::from),
-            () = told => Ok(()),
+            () = stop_signal => Ok(()),
         };
         shown.bar.end();
         asker.close().await;

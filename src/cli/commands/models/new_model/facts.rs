@@ -55,7 +55,7 @@ impl FactEvidence {
         }
     }
 
-    /// The same for an inline table.
+    /// The keys `confidence` and `source` as they are written in an inline table.
     pub fn inline(&self) -> String {
         self.keys().trim_end().replace('\n', ", ")
     }

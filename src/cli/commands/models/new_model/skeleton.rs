@@ -153,7 +153,7 @@ mod tests {
     fn what_is_told_of_a_skeleton_is_what_is_to_fill() {
         let text = skeleton("acme-flux-2");
         let problems = check::model(&text).unwrap_err();
-        let told: Vec<_> = problems
+        let reported_lines: Vec<_> = problems
             .iter()
             .map(|problem| problem.place_in(&text).0)
             .collect();
@@ -163,7 +163,7 @@ mod tests {
         for (number, line) in (1..).zip(text.lines()) {
             let code = line.split(" #").next().unwrap_or_default();
             assert_eq!(
-                told.contains(&number),
+                reported_lines.contains(&number),
                 is_open(code),
                 "line {number}: {line}\n{problems:#?}"
             );
