@@ -112,7 +112,7 @@ mod tests {
             it.take(second, &[0]),
             Some(PlausibilityVerdict::Fails(second, 0))
         );
-        assert_eq!(it.take(second, &[0]), None, "it is told once");
+        assert_eq!(it.take(second, &[0]), None, "it is reported once");
         assert_eq!(it.take(second, &[150]), Some(PlausibilityVerdict::Holds));
         assert_eq!(
             (it.take(first, &[0]), it.holds()),

@@ -41,7 +41,7 @@ pub struct DriveSight {
     last_seen: Option<LastSeen>,
     may_still_run: bool,
     /// It was reported that the drive may still run.
-    is_told: bool,
+    is_reported: bool,
     /// A person has confirmed since then that the motor stands.
     is_confirmed: bool,
 }
@@ -56,8 +56,8 @@ impl DriveSight {
             self.last_seen = last_seen;
         }
         self.may_still_run |= may_run && !self.is_confirmed;
-        let is_news = self.may_still_run && !self.is_told;
-        self.is_told |= is_news;
+        let is_news = self.may_still_run && !self.is_reported;
+        self.is_reported |= is_news;
         is_news
     }
 
@@ -67,8 +67,8 @@ impl DriveSight {
         if !self.is_away {
             return false;
         }
-        let is_news = !self.may_still_run || !self.is_told;
-        (self.may_still_run, self.is_told, self.is_confirmed) = (true, true, false);
+        let is_news = !self.may_still_run || !self.is_reported;
+        (self.may_still_run, self.is_reported, self.is_confirmed) = (true, true, false);
         is_news
     }
 
@@ -79,7 +79,7 @@ impl DriveSight {
 
     /// A reading shows what the drive does. Returns whether it was reported that it may still run.
     pub fn seen(&mut self) -> bool {
-        std::mem::take(self).is_told
+        std::mem::take(self).is_reported
     }
 
     /// A person confirms that the motor stands. Returns whether it was thought to run.
@@ -125,7 +125,7 @@ mod tests {
     fn what_was_not_seen_to_stand_may_run_until_it_is_seen_or_a_person_says_otherwise() {
         let mut sight = DriveSight::default();
         assert!(sight.lost(Some(RUNS), true));
-        assert!(!sight.lost(None, false), "told once");
+        assert!(!sight.lost(None, false), "reported once");
         assert_eq!(
             sight.view(),
             SightView {
@@ -148,7 +148,7 @@ mod tests {
         );
         assert!(
             sight.seen(),
-            "it was told, so that it is over is told as well"
+            "it was reported, so that it is over is reported as well"
         );
         assert_eq!(sight.view(), SightView::default());
     }
@@ -170,6 +170,6 @@ mod tests {
         assert!(sight.lost(None, false));
         let mut sight = DriveSight::default();
         sight.remember(Some(RUNS));
-        assert!(!sight.seen(), "it was found before anything was told");
+        assert!(!sight.seen(), "it was found before anything was reported");
     }
 }

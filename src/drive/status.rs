@@ -24,7 +24,7 @@ pub struct StatusWatch {
     /// The last word read that no document names, as long as its register holds one.
     undocumented: Option<UndocumentedState>,
     /// The undocumented words that were reported.
-    told: Vec<UndocumentedState>,
+    reported: Vec<UndocumentedState>,
     /// The output whose sign is the direction, and whether it shows reverse; only without a flag for that.
     sign: Option<(OutputRegister, Option<bool>)>,
 }
@@ -93,9 +93,9 @@ impl StatusWatch {
     pub fn take_undocumented(&mut self) -> Option<UndocumentedState> {
         let state = self
             .undocumented
-            .filter(|state| !self.told.contains(state))?;
-        (self.told.len() < UNDOCUMENTED_MAX).then(|| {
-            self.told.push(state);
+            .filter(|state| !self.reported.contains(state))?;
+        (self.reported.len() < UNDOCUMENTED_MAX).then(|| {
+            self.reported.push(state);
             state
         })
     }

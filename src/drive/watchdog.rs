@@ -244,16 +244,16 @@ mod tests {
         ] {
             let mut watch = WatchdogWatch::new(watched(), range());
             assert_eq!(watch.view().unwrap().state, WatchdogState::Unknown);
-            let told = Some(state).filter(|it| *it != WatchdogState::Unknown);
+            let reported = Some(state).filter(|it| *it != WatchdogState::Unknown);
             assert_eq!(
                 watch.take(TIME.into(), &[time, 0, 0, action]),
-                told,
+                reported,
                 "{time} {action}"
             );
             assert_eq!(
                 watch.take(TIME.into(), &[time, 0, 0, action]),
                 None,
-                "told once"
+                "reported once"
             );
             let stops = matches!(state, WatchdogState::InOrder | WatchdogState::TooShort);
             assert_eq!(watch.stops_after().is_some(), stops, "{time} {action}");

@@ -11,43 +11,44 @@ const TRIPS_AT_ONCE: u16 = 16;
 impl TripWatch {
     /// The drive has counted this many trips.
     pub(super) fn take_count(&mut self, count: u16, now: MonoTime, events: &mut Vec<TripEvent>) {
-        let is_first = self.told.is_none();
-        let known = *self.told.get_or_insert(count);
+        let is_first = self.reported.is_none();
+        let known = *self.reported.get_or_insert(count);
         if count == u16::MAX && known != count {
             // An erased memory, or a read that was answered with nothing.
             return;
         }
-        let is_usual = self.told_is_sure && !self.fall.has_fallen() && self.doubted.is_none();
+        let is_usual = self.reported_is_sure && !self.fall.has_fallen() && self.doubted.is_none();
         let most = if is_usual { TRIPS_AT_ONCE } else { 1 };
-        let Some(told) = self.fall.base(count.into(), known.into(), now) else {
+        let Some(reported) = self.fall.base(count.into(), known.into(), now) else {
             return;
         };
-        let told = u16::try_from(told).unwrap_or(known);
-        if told < known {
+        let reported = u16::try_from(reported).unwrap_or(known);
+        if reported < known {
             // The rise up to the fall is reported with its own count.
             events.extend(self.tell_unread());
         }
-        self.told = Some(told);
-        if self.is_doubted(count, told, most, now) {
+        self.reported = Some(reported);
+        if self.is_doubted(count, reported, most, now) {
             return;
         }
-        self.told_is_sure |= !is_first && count == told;
-        if count > told.saturating_add(most) && !self.told_is_sure && self.reading.is_none() {
+        self.reported_is_sure |= !is_first && count == reported;
+        if count > reported.saturating_add(most) && !self.reported_is_sure && self.reading.is_none()
+        {
             // The count that was read twice is the baseline.
-            self.told = Some(count);
+            self.reported = Some(count);
             self.view.count = Some(count);
-            self.told_is_sure = true;
+            self.reported_is_sure = true;
             return;
         }
-        if count == told
+        if count == reported
             && let Some(reading) = self.reading.take_if(|reading| !reading.is_sure)
         {
             // A rise that only one reading has shown.
             self.view.active = reading.was_active;
         }
-        if count <= told {
+        if count <= reported {
             events.extend(self.tell_unread());
-            self.told = Some(count);
+            self.reported = Some(count);
             self.view.count = Some(count);
             if self.reset_acknowledged {
                 events.extend(self.clear(now));
@@ -97,10 +98,10 @@ impl TripWatch {
         }
     }
 
-    /// Whether `count`, which is not below `told`, the count reported so far, has to be read again before it is
+    /// Whether `count`, which is not below `reported`, the count reported so far, has to be read again before it is
     /// believed.
-    fn is_doubted(&mut self, count: u16, told: u16, most: u16, now: MonoTime) -> bool {
-        let is_usual = count.saturating_sub(told) <= most;
+    fn is_doubted(&mut self, count: u16, reported: u16, most: u16, now: MonoTime) -> bool {
+        let is_usual = count.saturating_sub(reported) <= most;
         let is_known = self
             .reading
             .as_ref()

@@ -42,9 +42,9 @@ pub struct TripWatch {
     places: Option<TripPlaces>,
     view: TripView,
     /// The count up to which everything has been reported.
-    told: Option<u16>,
-    /// The count in `told` was read more than once.
-    told_is_sure: bool,
+    reported: Option<u16>,
+    /// The count in `reported` was read more than once.
+    reported_is_sure: bool,
     /// A reading of the count that is believed once it has been read again, and when it was first read.
     doubted: Option<(u16, MonoTime)>,
     /// Whether the count has fallen.
@@ -107,14 +107,14 @@ impl TripWatch {
     #[must_use]
     pub fn remembering(self, baseline: TripBaseline) -> Self {
         let TripBaseline { count, held, code } = baseline;
-        let (told, held) = if self.is_counted() {
+        let (reported, held) = if self.is_counted() {
             (count, None)
         } else {
             (None, held)
         };
         Self {
-            told,
-            told_is_sure: told.is_some(),
+            reported,
+            reported_is_sure: reported.is_some(),
             held,
             code,
             is_remembered: true,
@@ -126,7 +126,7 @@ impl TripWatch {
     #[must_use]
     pub const fn baseline(&self) -> TripBaseline {
         TripBaseline {
-            count: self.told,
+            count: self.reported,
             held: self.held,
             code: self.code,
         }
@@ -163,19 +163,19 @@ impl TripWatch {
         let word = |register: Address| register.word_in(address, words);
         let seen = places.source.seen(word);
         let cause = places.cause.and_then(|cause| cause.code(word));
-        let mut told = Vec::from_iter(self.take_part(address, words));
+        let mut events = Vec::from_iter(self.take_part(address, words));
         match seen {
-            Some(TripReading::Held(true)) => told.extend(self.take_held(now)),
-            Some(TripReading::Held(false)) => self.take_released(now, &mut told),
-            Some(TripReading::Counted(count)) => self.take_count(count, now, &mut told),
+            Some(TripReading::Held(true)) => events.extend(self.take_held(now)),
+            Some(TripReading::Held(false)) => self.take_released(now, &mut events),
+            Some(TripReading::Counted(count)) => self.take_count(count, now, &mut events),
             None => {}
         }
         self.is_in_sight |= seen.is_some();
         self.is_contradicted &= seen.is_none();
-        if let Some(code) = cause.filter(|code| *code != 0 && told.is_empty()) {
-            told.extend(self.take_code(code, now));
+        if let Some(code) = cause.filter(|code| *code != 0 && events.is_empty()) {
+            events.extend(self.take_code(code, now));
         }
-        told
+        events
     }
 
     /// Takes words that may be another drive's: of trips they tell nothing, except that what is known may not be so. A
@@ -223,14 +223,14 @@ impl TripWatch {
 
     /// The drive stopped answering: it may have lost its power, and with it the trip.
     pub fn lost_sight(&mut self) -> Option<TripEvent> {
-        let told = self.tell_unread();
+        let event = self.tell_unread();
         self.view.active = None;
         self.reset_acknowledged = false;
         self.is_in_sight = false;
         self.is_contradicted = false;
         self.doubted = None;
         self.fall = CounterFallWatch::default();
-        told
+        event
     }
 
     /// The record can no longer be read: a new trip is reported without it.
@@ -275,22 +275,22 @@ impl TripWatch {
     /// A trip is active.
     fn take_held(&mut self, now: MonoTime) -> Option<TripEvent> {
         let is_new = self.view.active.replace(true) != Some(true);
-        let was_told = self.held.unwrap_or(!self.is_remembered);
+        let was_reported = self.held.unwrap_or(!self.is_remembered);
         if is_new {
-            self.begin(!was_told, now)
+            self.begin(!was_reported, now)
         } else {
             None
         }
     }
 
     /// No trip is active. One that ended before its record was read is reported anyway.
-    fn take_released(&mut self, now: MonoTime, told: &mut Vec<TripEvent>) {
-        told.extend(self.tell_unread());
+    fn take_released(&mut self, now: MonoTime, events: &mut Vec<TripEvent>) {
+        events.extend(self.tell_unread());
         let held_before = self.held.replace(false);
         if self.view.active.is_none() && held_before == Some(true) {
             self.view.active = Some(true);
         }
-        told.extend(self.clear(now));
+        events.extend(self.clear(now));
     }
 
     /// The number or the bits of a trip were seen. While one is active, another number or bit is another trip.
@@ -302,7 +302,7 @@ impl TripWatch {
         let waits = |it: &RecordReading| {
             it.is_news && now.since(it.seen_at) >= UNREAD_AFTER && self.is_another(code, it.code)
         };
-        let told = if self.reading.as_ref().is_some_and(waits) {
+        let event = if self.reading.as_ref().is_some_and(waits) {
             self.end_reading(false)
         } else {
             None
@@ -317,7 +317,7 @@ impl TripWatch {
         if let Some(reading) = &mut self.reading {
             reading.code = Some(code);
         }
-        told
+        event
     }
 
     /// Begins to read the record of an active trip, or reports it at once if the model has no record.
@@ -380,16 +380,16 @@ impl TripWatch {
         };
         self.shown = code;
         self.fading = 0;
-        let trips = match (reading.count, self.told) {
-            (Some(_), Some(told)) => self
+        let trips = match (reading.count, self.reported) {
+            (Some(_), Some(reported)) => self
                 .view
                 .count
-                .map_or(1, |count| count.saturating_sub(told).max(1)),
+                .map_or(1, |count| count.saturating_sub(reported).max(1)),
             _ => 1,
         };
         if self.is_counted() {
-            self.told = self.view.count;
-            self.told_is_sure = true;
+            self.reported = self.view.count;
+            self.reported_is_sure = true;
         } else {
             self.held = Some(true);
         }

@@ -37,9 +37,9 @@ fn trips(event: Option<TripEvent>) -> (u16, Option<u16>) {
 impl TripWatch {
     /// The one event that these words bring at most.
     fn one(&mut self, address: u16, words: &[u16], now: MonoTime) -> Option<TripEvent> {
-        let mut told = self.take(address.into(), words, now);
-        assert!(told.len() <= 1, "{told:?}");
-        told.pop()
+        let mut events = self.take(address.into(), words, now);
+        assert!(events.len() <= 1, "{events:?}");
+        events.pop()
     }
 }
 
@@ -59,7 +59,7 @@ fn a_rise_is_read_as_a_record_between_two_equal_counts() {
         watch.view().last.as_ref().unwrap().words[1],
         (Address::holding(0x0114), 2500)
     );
-    assert_eq!(watch.one(COUNT, &[4], at(4)), None, "told once");
+    assert_eq!(watch.one(COUNT, &[4], at(4)), None, "reported once");
 }
 
 #[test]
@@ -230,7 +230,7 @@ fn whether_it_is_tripped_is_unknown_at_start_and_after_it_was_away() {
     assert_eq!(
         (watch.one(COUNT, &[2], at(9)), watch.wants()),
         (None, None),
-        "told once"
+        "reported once"
     );
 }
 
@@ -262,7 +262,7 @@ fn a_trip_that_begins_to_hold_is_reported_once_with_its_record() {
         (Some(true), Some((Address::holding(0x0113), 4)))
     );
     assert_eq!(trips(watch.one(0x0113, &RECORD, at(2))), (1, Some(7)));
-    assert_eq!(watch.one(STATUS, &[TRIPPED], at(3)), None, "told once");
+    assert_eq!(watch.one(STATUS, &[TRIPPED], at(3)), None, "reported once");
     assert_eq!(
         watch.output_is_active(at(3)),
         None,
@@ -292,23 +292,23 @@ fn a_trip_that_is_gone_before_its_record_was_read_is_reported_all_the_same() {
     let mut watch = flagged();
     watch.one(STATUS, &[0], at(0));
     watch.one(STATUS, &[TRIPPED], at(1));
-    let told = watch.take(STATUS.into(), &[0], at(2));
-    assert_eq!(trips(told.first().cloned()), (1, None));
+    let events = watch.take(STATUS.into(), &[0], at(2));
+    assert_eq!(trips(events.first().cloned()), (1, None));
     assert_eq!(
-        (told.len(), &told[1].kind, told[1].at),
+        (events.len(), &events[1].kind, events[1].at),
         (2, &TripEventKind::Cleared, at(2))
     );
     assert_eq!(
         watch.baseline().held,
         Some(false),
-        "the next one is told, also after a start"
+        "the next one is reported, also after a start"
     );
     assert_eq!(watch.one(STATUS, &[0], at(3)), None);
 }
 
 #[test]
 fn a_trip_that_came_while_the_drive_was_away_is_reported_and_one_that_stayed_is_not() {
-    for (before, is_told) in [(0, true), (TRIPPED, false)] {
+    for (before, is_reported) in [(0, true), (TRIPPED, false)] {
         let mut watch = flagged();
         watch.one(STATUS, &[before], at(0));
         watch.one(0x0113, &RECORD, at(1));
@@ -317,7 +317,7 @@ fn a_trip_that_came_while_the_drive_was_away_is_reported_and_one_that_stayed_is_
         watch.one(STATUS, &[TRIPPED], at(2));
         assert_eq!(
             watch.one(0x0113, &RECORD, at(3)).is_some(),
-            is_told,
+            is_reported,
             "{before}"
         );
     }
@@ -327,7 +327,7 @@ fn a_trip_that_came_while_the_drive_was_away_is_reported_and_one_that_stayed_is_
 fn a_trip_whose_record_was_not_read_before_the_drive_went_away_is_reported_at_once_and_only_once() {
     for back in [0, TRIPPED] {
         let mut watch = flagged();
-        assert_eq!(told(&mut watch, &[0, TRIPPED]), []);
+        assert_eq!(reported(&mut watch, &[0, TRIPPED]), []);
         let event = watch.lost_sight().unwrap();
         assert_eq!((event.at, event.while_away), (at(1), false));
         assert_eq!((trips(Some(event)), watch.lost_sight()), ((1, None), None));
@@ -336,8 +336,8 @@ fn a_trip_whose_record_was_not_read_before_the_drive_went_away_is_reported_at_on
         } else {
             &[]
         };
-        assert_eq!(told(&mut watch, &[back]), then);
-        assert_eq!(watch.one(0x0113, &RECORD, at(4)), None, "told once");
+        assert_eq!(reported(&mut watch, &[back]), then);
+        assert_eq!(watch.one(0x0113, &RECORD, at(4)), None, "reported once");
         let code = (back == TRIPPED).then_some(7);
         assert_eq!(
             (watch.view().seen, watch.view().last.as_ref().unwrap().code),
@@ -350,7 +350,7 @@ fn a_trip_whose_record_was_not_read_before_the_drive_went_away_is_reported_at_on
 #[test]
 fn a_number_that_was_read_beside_the_record_is_reported_with_a_trip_that_ends_unread() {
     let mut watch = flagged();
-    told(&mut watch, &[0, TRIPPED]);
+    reported(&mut watch, &[0, TRIPPED]);
     assert_eq!(watch.one(0x0113, &[7], at(2)), None);
     assert_eq!(
         trips(watch.take(STATUS.into(), &[0], at(3)).into_iter().next()),
@@ -361,14 +361,14 @@ fn a_number_that_was_read_beside_the_record_is_reported_with_a_trip_that_ends_un
 #[test]
 fn what_nobody_will_read_any_more_is_reported_and_what_was_reported_is_not() {
     let mut watch = flagged();
-    told(&mut watch, &[0, TRIPPED]);
+    reported(&mut watch, &[0, TRIPPED]);
     assert_eq!(trips(watch.tell_unread()), (1, None));
     assert_eq!(
         (watch.tell_unread(), watch.view().active),
         (None, Some(true))
     );
     let mut watch = flagged();
-    told(&mut watch, &[TRIPPED]);
+    reported(&mut watch, &[TRIPPED]);
     assert_eq!(
         (watch.tell_unread(), watch.lost_sight()),
         (None, None),
@@ -416,10 +416,10 @@ fn a_trip_that_was_found_on_return_or_at_the_start_came_while_the_drive_was_away
 }
 
 /// What is reported after `readings` of the status, each a millisecond after the one before.
-fn told(watch: &mut TripWatch, readings: &[u16]) -> Vec<(&'static str, MonoTime)> {
-    let mut told = Vec::new();
+fn reported(watch: &mut TripWatch, readings: &[u16]) -> Vec<(&'static str, MonoTime)> {
+    let mut events = Vec::new();
     for (status, now) in readings.iter().zip(0..) {
-        told.extend(
+        events.extend(
             watch
                 .take(STATUS.into(), &[*status], at(now))
                 .into_iter()
@@ -429,14 +429,14 @@ fn told(watch: &mut TripWatch, readings: &[u16]) -> Vec<(&'static str, MonoTime)
                 }),
         );
     }
-    told
+    events
 }
 
 #[test]
 fn a_trip_right_after_one_that_ended_unread_is_another_trip() {
     let mut watch = flagged();
     assert_eq!(
-        told(&mut watch, &[0, TRIPPED, 0, TRIPPED]),
+        reported(&mut watch, &[0, TRIPPED, 0, TRIPPED]),
         [("tripped", at(1)), ("cleared", at(2))]
     );
     assert_eq!(
@@ -445,7 +445,7 @@ fn a_trip_right_after_one_that_ended_unread_is_another_trip() {
         "the record of the second"
     );
     watch.one(0x0113, &RECORD, at(4));
-    assert_eq!(told(&mut watch, &[TRIPPED, 0]), [("cleared", at(1))]);
+    assert_eq!(reported(&mut watch, &[TRIPPED, 0]), [("cleared", at(1))]);
     assert_eq!(watch.view().seen, 2);
 }
 
@@ -455,9 +455,9 @@ fn a_record_that_cannot_be_read_holds_no_trip_back() {
         watch.one(STATUS, &[0], at(0));
         watch.one(STATUS, &[TRIPPED], at(1));
         watch.one(COUNT, &[4], at(1));
-        let told: Vec<_> = (0..10).filter_map(|_| watch.read_failed()).collect();
-        assert_eq!(told.len(), 1);
-        assert_eq!(trips(told.into_iter().next()), (1, None));
+        let events: Vec<_> = (0..10).filter_map(|_| watch.read_failed()).collect();
+        assert_eq!(events.len(), 1);
+        assert_eq!(trips(events.into_iter().next()), (1, None));
         assert_eq!(watch.wants(), None);
     }
 }
@@ -511,7 +511,7 @@ fn what_was_counted_while_nobody_looked_is_reported_with_its_record() {
     assert_eq!(watch.one(COUNT, &[5], at(0)), None);
     assert_eq!(watch.wants(), Some((Address::holding(0x0113), 4)));
     watch.one(0x0113, &RECORD, at(1));
-    assert_eq!(watch.baseline().count, Some(3), "not told yet");
+    assert_eq!(watch.baseline().count, Some(3), "not reported yet");
     assert_eq!(trips(watch.one(COUNT, &[5], at(2))), (2, Some(7)));
     assert_eq!(
         watch.baseline(),
@@ -576,7 +576,7 @@ fn a_trip_behind_one_whose_record_was_not_read_has_its_own_time() {
     assert_eq!(
         of(&first),
         (Some(2), at(0), true, (1, None)),
-        "it is told without its record"
+        "it is reported without its record"
     );
     watch.one(0x0113, &RECORD, at(6_600));
     let second = watch.one(COUNT, &[3], at(6_700)).unwrap();
@@ -594,7 +594,7 @@ fn a_trip_behind_one_whose_record_was_not_read_has_its_own_time() {
 
 #[test]
 fn a_trip_that_holds_at_start_is_reported_unless_it_was_reported_already() {
-    for (held, code, is_told) in [
+    for (held, code, is_reported) in [
         (None, None, true),
         (Some(false), None, true),
         (Some(false), Some(7), true),
@@ -604,10 +604,10 @@ fn a_trip_that_holds_at_start_is_reported_unless_it_was_reported_already() {
     ] {
         let mut watch = remembering(flagged(), None, held, code);
         assert_eq!(watch.one(STATUS, &[TRIPPED], at(0)), None);
-        assert_eq!(watch.baseline().held, held, "not told yet");
+        assert_eq!(watch.baseline().held, held, "not reported yet");
         assert_eq!(
             watch.one(0x0113, &RECORD, at(1)).is_some(),
-            is_told,
+            is_reported,
             "{held:?} {code:?}"
         );
         assert_eq!(
@@ -708,7 +708,7 @@ fn a_trip_that_was_seen_before_the_readings_are_in_doubt_is_reported_without_its
         (watch.take_unsure(STATUS.into(), &[TRIPPED]), watch.wants()),
         (None, None)
     );
-    assert_eq!(watch.one(STATUS, &[TRIPPED], at(3)), None, "told once");
+    assert_eq!(watch.one(STATUS, &[TRIPPED], at(3)), None, "reported once");
 }
 
 #[test]
@@ -777,7 +777,7 @@ fn of_several_bits_at_once_the_lowest_is_the_code_and_all_are_kept() {
         watch.view().last.as_ref().unwrap().words,
         [(BITS.into(), 0b1010_0000)]
     );
-    assert_eq!(polled(&mut watch, 0b1010_0000, 20), [], "told once");
+    assert_eq!(polled(&mut watch, 0b1010_0000, 20), [], "reported once");
     assert_eq!(polled(&mut watch, 0, 30)[0].kind, TripEventKind::Cleared);
 }
 

@@ -217,7 +217,7 @@ fn between_two_steps_of_a_counter_the_output_power_tells_what_is_used() {
     assert_eq!(
         run(&mut meter, 4, 36, 501),
         400,
-        "the step settles it at 1 kWh, whatever power told"
+        "the step settles it at 1 kWh, whatever the power showed"
     );
     assert_eq!(run(&mut meter, 200, 36, 501), 999, "less than a step");
     assert_eq!(run(&mut meter, 4, 36, 502), 0, "the step was there already");
@@ -232,7 +232,7 @@ fn between_two_steps_of_a_counter_the_output_power_tells_what_is_used() {
     assert_eq!(
         run(&mut meter, 12, 36, 3),
         0,
-        "the drive was replaced: what power told stays"
+        "the drive was replaced: what the power showed stays"
     );
     assert_eq!(run(&mut meter, 4, 36, 4), 1000);
 }
