@@ -9,7 +9,7 @@ use super::measured::LineMeasurements;
 use super::natives::ClientReads;
 use super::outbox::EffectOutbox;
 use super::overdue::cut_for_a_stop;
-use super::port::LinePort;
+use super::port::PortState;
 use super::setup::LineSetup;
 use super::share::LineShare;
 use super::traffic::TrafficWatch;
@@ -56,7 +56,7 @@ pub struct LineCore {
     /// Its drives may have been sent a request just before the line was opened.
     pub(super) asked_before: bool,
     pub(super) drives: LineDrives,
-    pub(super) port: LinePort,
+    pub(super) port: PortState,
     pub(super) wire: LineWire,
     pub(super) nonces: LoopNonces,
     pub(super) echo: EchoWatch,
@@ -102,7 +102,7 @@ impl LineCore {
             planned_use_per_mille: (budget.use_of_line * 1000.0).round() as u32,
             broadcast: BroadcastStop::of(&setup),
             measured: LineMeasurements::default(),
-            port: LinePort::closed(),
+            port: PortState::closed(),
             wire: setup.wire(now),
             nonces: LoopNonces::new(setup.first_epoch),
             echo: EchoWatch::new(!setup.timing.framing.identifies_replies()),

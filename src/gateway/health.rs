@@ -55,7 +55,7 @@ pub(super) struct LineHealth {
     reopen_wait: Duration,
     probe_at: MonoTime,
     probe_wait: Duration,
-    told: LastReport,
+    reported: LastReport,
 }
 
 /// The suspicion that was last logged.
@@ -92,7 +92,7 @@ impl LineHealth {
             reopen_wait: REOPEN_FIRST,
             probe_at: MonoTime::ZERO,
             probe_wait: PROBE_FIRST,
-            told: LastReport {
+            reported: LastReport {
                 suspicion: None,
                 line_is_suspended: false,
                 drives_are_suspended: vec![false; drives],
@@ -147,7 +147,7 @@ impl LineHealth {
     }
 
     pub const fn suspicion(&self) -> Option<LineSuspicion> {
-        self.told.suspicion
+        self.reported.suspicion
     }
 
     /// The port was opened. A mute line stays mute until something is received: an open port proves nothing.
@@ -282,10 +282,12 @@ impl LineHealth {
     }
 
     fn tell_quality(&mut self, effects: &mut EffectOutbox) {
-        let Self { quality, told, .. } = self;
+        let Self {
+            quality, reported, ..
+        } = self;
         let line_is_suspended = quality.is_line_suspended();
-        if line_is_suspended != told.line_is_suspended {
-            told.line_is_suspended = line_is_suspended;
+        if line_is_suspended != reported.line_is_suspended {
+            reported.line_is_suspended = line_is_suspended;
             let bad_per_cent = quality.line().bad_per_cent().unwrap_or(0);
             let note = if line_is_suspended {
                 LineNote::Suspended { bad_per_cent }
@@ -294,10 +296,10 @@ impl LineHealth {
             };
             effects.push_back(LineEffect::LineNote(note));
         }
-        for (place, told) in (0..).zip(&mut told.drives_are_suspended) {
+        for (place, was_suspended) in (0..).zip(&mut reported.drives_are_suspended) {
             let is_suspended = quality.is_suspended(usize::from(place)) && !line_is_suspended;
-            if is_suspended != *told {
-                *told = is_suspended;
+            if is_suspended != *was_suspended {
+                *was_suspended = is_suspended;
                 let note = if is_suspended {
                     DriveNote::Suspended
                 } else {
@@ -318,8 +320,8 @@ impl LineHealth {
             Some(LineFault::Echo) => Some(LineSuspicion::Echo),
             _ => self.diagnosis.suspicion(),
         };
-        if suspicion != self.told.suspicion {
-            self.told.suspicion = suspicion;
+        if suspicion != self.reported.suspicion {
+            self.reported.suspicion = suspicion;
             effects.push_back(LineEffect::LineNote(LineNote::Suspects(suspicion)));
         }
     }

@@ -132,7 +132,7 @@ pub enum DriveNote {
         /// The configuration states the full scale of the drive's frequencies.
         is_scale_typed: bool,
     },
-    /// The same is over.
+    /// The output is again what was ordered, or the motor stands.
     #[error("the output is again what was ordered, or the motor stands")]
     OutputRight,
     /// Too many exchanges with the drive fail.
@@ -177,7 +177,7 @@ pub enum DriveNote {
         .0.keyword()
     )]
     LineGiven(FailSafe),
-    /// The same, and the drive goes on for a while.
+    /// The line was given up on purpose, and the drive goes on until its client has had the time of a lost one.
     #[error(
         "the line was given up on purpose: the drive goes on, and its client has the time of a lost one to come here"
     )]
@@ -225,7 +225,7 @@ pub enum LineNote {
         /// How long nothing of another gateway or master at work was heard; `None`: never since the port was opened.
         silent_for: Option<Duration>,
     },
-    /// The same, because the line was handed over.
+    /// This gateway sends on the line from now on, because the other one handed it over.
     #[error("active on the line: the other gateway handed it over")]
     HandedOver,
     /// Another gateway of the line is to send.

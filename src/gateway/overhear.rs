@@ -111,7 +111,7 @@ impl LineCore {
         if let SignalWord::Order(station, order) = word
             && let Some(index) = self.drives.at_station(station)
         {
-            self.drives[index].work.order_told(order, at);
+            self.drives[index].work.order_received(order, at);
         }
     }
 

@@ -3,9 +3,9 @@
 use crate::domain::report::{LineFault, LineState};
 use std::sync::Arc;
 
-/// The port of one line.
+/// State of the port of one line.
 #[derive(Debug)]
-pub(super) struct LinePort {
+pub(super) struct PortState {
     /// The reported state of the line.
     state: LineState,
     /// Whether there is a port to send to, whatever the reported state of the line.
@@ -18,7 +18,7 @@ pub(super) struct LinePort {
     open_error: Option<Arc<str>>,
 }
 
-impl LinePort {
+impl PortState {
     pub const fn closed() -> Self {
         Self {
             state: LineState::Down,

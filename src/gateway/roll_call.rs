@@ -21,7 +21,7 @@ pub(super) struct LineRollCall {
     /// The answer that it owes as a listener.
     answer: Option<OwedAnswer>,
     /// The digest of this gateway's drives was sent, and the question that follows it was not asked yet.
-    told_digest: bool,
+    is_digest_sent: bool,
     /// A digest of its drives.
     digest: u16,
     /// Whether the drives of the other gateway differ; `None` while that is not known.
@@ -33,7 +33,7 @@ impl LineRollCall {
         Self {
             roll_call: None,
             answer: None,
-            told_digest: false,
+            is_digest_sent: false,
             digest,
             differs: None,
         }
@@ -100,14 +100,14 @@ impl LineRollCall {
         call.open_until().is_some()
     }
 
-    /// The question whether another gateway listens, or what is told before it, if it is time for that.
+    /// The question whether another gateway listens, or what is sent before it, if it is time for that.
     pub fn question(&mut self, now: MonoTime) -> Option<GatewayFrame> {
         if self.asks_at().is_none_or(|at| now < at) {
             return None;
         }
         // A listener answers the question by the digest that it has just received.
-        let is_told = std::mem::replace(&mut self.told_digest, true);
-        Some(if is_told {
+        let is_sent = std::mem::replace(&mut self.is_digest_sent, true);
+        Some(if is_sent {
             GatewayFrame::Signal(SignalKind::Question)
         } else {
             GatewayFrame::Word(SignalWord::Digest(self.digest))
@@ -116,7 +116,7 @@ impl LineRollCall {
 
     /// The question is out at `end`. It `counts` if it could be heard.
     pub fn was_asked(&mut self, end: MonoTime, counts: bool) {
-        self.told_digest = false;
+        self.is_digest_sent = false;
         if counts && let Some(call) = &mut self.roll_call {
             call.asked(end);
         }

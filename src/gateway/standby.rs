@@ -101,10 +101,11 @@ impl LineCore {
         };
         let drives = &self.drives;
         let orders = || {
-            let told = drives
+            let running = drives
                 .iter()
                 .filter_map(|drive| Some((drive.setup.station, drive.work.order_to_tell()?)));
-            told.map(|(station, order)| SignalWord::Order(station, order))
+            running
+                .map(|(station, order)| SignalWord::Order(station, order))
                 .collect()
         };
         let frame = share.hand_over(now, is_busy, orders);

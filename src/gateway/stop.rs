@@ -66,9 +66,9 @@ pub struct StopLatch {
     missed_looks: u8,
     /// The zeros that a drive which was away has shown last.
     zeros: Option<ZeroSpan>,
-    was_told_late: bool,
+    is_late_reported: bool,
     /// It was reported that the stop could not be sent in time.
-    was_told_unsent: bool,
+    is_unsent_reported: bool,
     /// Since when the drive has been offline, if it is.
     offline_since: Option<MonoTime>,
     /// When it was declared because of a lost client or a shutdown of the gateway; `None` if a client commanded it, or it
@@ -159,8 +159,8 @@ impl StopLatch {
             looks: 0,
             missed_looks: 0,
             zeros: None,
-            was_told_late: false,
-            was_told_unsent: false,
+            is_late_reported: false,
+            is_unsent_reported: false,
             offline_since: None,
             declared_at: None,
             silent_until: MonoTime::ZERO,
@@ -222,8 +222,8 @@ impl StopLatch {
             let waiters = std::mem::take(&mut self.waiters);
             let Self {
                 awaited_since,
-                was_told_late,
-                was_told_unsent,
+                is_late_reported,
+                is_unsent_reported,
                 offline_since,
                 by_client,
                 ..
@@ -232,8 +232,8 @@ impl StopLatch {
             *self = Self {
                 waiters,
                 awaited_since,
-                was_told_late,
-                was_told_unsent,
+                is_late_reported,
+                is_unsent_reported,
                 offline_since,
                 by_client,
                 ..fresh
@@ -315,9 +315,9 @@ impl StopLatch {
 
     /// If it was reported that the stop could not be sent, an effect is expected from `now` on.
     fn goes_out(&mut self, now: MonoTime) {
-        if self.is_unsent() && self.was_told_unsent {
+        if self.is_unsent() && self.is_unsent_reported {
             self.awaited_since = now;
-            self.was_told_late = false;
+            self.is_late_reported = false;
         }
     }
 
@@ -445,7 +445,7 @@ impl StopLatch {
     /// The drive responds again: an unanswered stop is sent again at once.
     fn is_back(&mut self, now: MonoTime) {
         self.is_remembered = false;
-        if self.zeros.take().is_some() && !self.was_told_late {
+        if self.zeros.take().is_some() && !self.is_late_reported {
             // Until now nothing was to be sent.
             self.awaited_since = now;
         }

@@ -13,7 +13,7 @@ use crate::line::transaction::LineWire;
 pub(super) struct TrafficWatch {
     tells: bool,
     /// The last data received that is already reported, because a frame of ours was sent after it.
-    told_ahead: usize,
+    reported_ahead: usize,
 }
 
 impl TrafficWatch {
@@ -21,7 +21,7 @@ impl TrafficWatch {
     pub const fn new(tells: bool) -> Self {
         Self {
             tells,
-            told_ahead: 0,
+            reported_ahead: 0,
         }
     }
 
@@ -49,8 +49,8 @@ impl TrafficWatch {
         // Watchers do not delay the frame.
         effects.push_back(LineEffect::Transmit(frame));
         let Some(record) = record else { return };
-        let before = wire.heard().get(self.told_ahead..).unwrap_or_default();
-        self.told_ahead += before.len();
+        let before = wire.heard().get(self.reported_ahead..).unwrap_or_default();
+        self.reported_ahead += before.len();
         before
             .iter()
             .cloned()
@@ -61,8 +61,8 @@ impl TrafficWatch {
 
     /// Reports what was `heard`, unless it was already reported before a frame of ours.
     pub fn tell_of(&mut self, heard: HeardData, effects: &mut EffectOutbox) {
-        if self.told_ahead > 0 {
-            self.told_ahead -= 1;
+        if self.reported_ahead > 0 {
+            self.reported_ahead -= 1;
         } else if self.tells {
             effects.push_back(traffic_effect(heard));
         }

@@ -9,13 +9,13 @@ impl StopLatch {
     /// Whether the alarm was raised that it has no effect.
     #[must_use]
     pub const fn is_late(&self) -> bool {
-        self.was_told_late && !self.is_unsent()
+        self.is_late_reported && !self.is_unsent()
     }
 
     /// Whether any alarm was raised.
     #[must_use]
-    pub const fn was_told(&self) -> bool {
-        self.was_told_late || self.was_told_unsent
+    pub const fn is_reported(&self) -> bool {
+        self.is_late_reported || self.is_unsent_reported
     }
 
     /// Whether nothing was sent for it in this run of the gateway.
@@ -31,8 +31,8 @@ impl StopLatch {
             return StopTurn::Dropped;
         }
         if self.late_at(control).is_some_and(|at| now >= at) {
-            self.was_told_late = true;
-            self.was_told_unsent |= self.is_unsent();
+            self.is_late_reported = true;
+            self.is_unsent_reported |= self.is_unsent();
             return if self.is_unsent() {
                 StopTurn::NotSent
             } else {
@@ -61,7 +61,7 @@ impl StopLatch {
     fn late_at(&self, control: &ControlSettings) -> Option<MonoTime> {
         let proves_until = self.zeros.map_or(MonoTime::ZERO, ZeroSpan::ends_at);
         let late_at = proves_until.max(self.awaited_since + control.stop_effect_timeout);
-        (!self.was_told_late).then_some(late_at)
+        (!self.is_late_reported).then_some(late_at)
     }
 
     /// The report for waiting clients when it is late: it depends on whether the drive ever answered.

@@ -289,7 +289,7 @@ impl DriveWork {
     /// The drive refuses every form of the stop that its model declares: reported at once, and only once.
     fn stop_was_refused(&mut self, now: MonoTime, out: Out<'_>) {
         self.stop_refused_at = Some(now);
-        if !std::mem::replace(&mut self.told_refused, true) {
+        if !std::mem::replace(&mut self.is_refusal_reported, true) {
             out.push_back(LineEffect::Note(self.drive, DriveNote::StopRefused));
         }
     }

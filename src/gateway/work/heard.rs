@@ -137,7 +137,7 @@ impl DriveWork {
     }
 
     /// The active gateway tells at `at` by which order the drive runs; `None`: it was not started over the line.
-    pub fn order_told(&mut self, order: Option<Direction>, at: MonoTime) {
+    pub fn order_received(&mut self, order: Option<Direction>, at: MonoTime) {
         self.heard = order.map_or(HeardOrder::Elsewhere, |direction| {
             HeardOrder::Run(direction, at)
         });

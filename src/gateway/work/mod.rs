@@ -138,7 +138,7 @@ pub struct DriveWork {
     /// When the drive last refused every form of a stop.
     stop_refused_at: Option<MonoTime>,
     /// It was logged that the drive refused a stop.
-    told_refused: bool,
+    is_refusal_reported: bool,
     /// A stop answered from memory, until the drive has confirmed it.
     answered: Option<AnsweredStop>,
     /// The client that stops the drive although others start it.
@@ -210,7 +210,7 @@ impl DriveWork {
             start: StandingWord::NONE,
             is_stop_refused: false,
             stop_refused_at: None,
-            told_refused: false,
+            is_refusal_reported: false,
             answered: None,
             again: None,
             last: None,
@@ -327,7 +327,7 @@ impl DriveWork {
                 .latch
                 .as_ref()
                 .is_some_and(|latch| latch.is_late() || latch.is_refused()),
-            output_outside: self.outside.is_told,
+            output_outside: self.outside.is_reported,
             stopped_elsewhere: self.is_stopped_elsewhere,
             failsafe: guard.fail_safe(),
             epoch: guard.epoch(),

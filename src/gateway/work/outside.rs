@@ -21,7 +21,7 @@ impl DriveWork {
         if !is_ordered {
             // Once it stands, nothing is outside.
             self.outside.pause();
-            if self.outside.is_told && self.is_at_standstill() {
+            if self.outside.is_reported && self.is_at_standstill() {
                 self.is_right_again(out);
             }
             return;
@@ -42,8 +42,8 @@ impl DriveWork {
         };
         let wanted = ordered.unwrap_or(output.clamp(least, most));
         match self.outside.take(output, wanted, most, now) {
-            OutputFinding::Right if self.outside.is_told => self.is_right_again(out),
-            OutputFinding::Outside if !self.outside.is_told => {
+            OutputFinding::Right if self.outside.is_reported => self.is_right_again(out),
+            OutputFinding::Outside if !self.outside.is_reported => {
                 self.is_outside(output, wanted, now, out)
             }
             OutputFinding::Right | OutputFinding::Unsure | OutputFinding::Outside => {}
@@ -56,7 +56,7 @@ impl DriveWork {
     }
 
     fn is_outside(&mut self, output: Hertz, wanted: Hertz, now: MonoTime, out: Out<'_>) {
-        self.outside.is_told = true;
+        self.outside.is_reported = true;
         self.has_changed = true;
         self.guard.output_is_outside(true);
         let is_scale_typed = self.model.needs_full_scale();
@@ -82,7 +82,7 @@ impl DriveWork {
     }
 
     fn is_right_again(&mut self, out: Out<'_>) {
-        self.outside.is_told = false;
+        self.outside.is_reported = false;
         self.has_changed = true;
         self.guard.output_is_outside(false);
         out.push_back(LineEffect::Note(self.drive, DriveNote::OutputRight));

@@ -61,7 +61,7 @@ pub(super) struct OutsideWatch {
     /// Whatever the setpoint is.
     above_limit: Option<OutputDistance>,
     /// The output outside its limits was reported, and was not seen right since.
-    pub(super) is_told: bool,
+    pub(super) is_reported: bool,
 }
 
 impl OutsideWatch {

@@ -216,12 +216,13 @@ impl DriveWork {
         }
         self.output.ramps_down(out.now());
         self.ramps_reverse = self.status.get(IndicatedState::Reverse);
-        let was_told = latch.was_told() || (self.told_refused && !self.is_stop_refused);
-        self.told_refused &= self.is_stop_refused;
+        let was_reported =
+            latch.is_reported() || (self.is_refusal_reported && !self.is_stop_refused);
+        self.is_refusal_reported &= self.is_stop_refused;
         let over = self.guard.stop_is_over(true);
         self.fail_safe_came(over, out);
         out.keep(self.drive, JournalEntry::StopOver { is_effective: true });
-        if was_told {
+        if was_reported {
             out.push_back(LineEffect::Note(self.drive, DriveNote::EffectiveAtLast));
         }
         for mut waiter in std::mem::take(latch.waiters()) {
@@ -236,11 +237,11 @@ impl DriveWork {
 
     pub(super) fn trip(&mut self, events: impl IntoIterator<Item = TripEvent>, out: Out<'_>) {
         let events = Vec::from_iter(events);
-        let is_told = events
+        let has_trip = events
             .iter()
             .any(|event| event.kind != TripEventKind::Cleared);
         let is_tripped = self.trips.view().active == Some(true);
-        if is_told || (is_tripped && self.guard.intent() != RunIntent::Stop) {
+        if has_trip || (is_tripped && self.guard.intent() != RunIntent::Stop) {
             // A trip cuts the output off: what reads as 0 from now on stands.
             self.has_turned = false;
             // A trip ends all orders: after a reset a new order is required.
