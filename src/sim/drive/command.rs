@@ -7,7 +7,7 @@ use crate::profile::model::{
 
 /// The orders in a run command.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct RunOrder {
+pub(super) struct SimRunOrder {
     pub(super) motion: MotorMotion,
     /// It runs at the jog frequency.
     pub(super) jog: bool,
@@ -43,7 +43,7 @@ pub(super) enum MotorMotion {
 }
 
 /// The orders in `word`, written to `address`; `None` if it has no meaning there.
-pub(super) fn run_order_in(model: &Model, address: Address, word: u16) -> Option<RunOrder> {
+pub(super) fn run_order_in(model: &Model, address: Address, word: u16) -> Option<SimRunOrder> {
     let run = model.run.as_ref()?;
     let is_own = model
         .register_for(RegisterRole::RunCommand)
@@ -104,33 +104,33 @@ pub(super) fn has_priority(run: &RunCommand) -> bool {
     matches!(&run.form, RunForm::Bits { bits, .. } if bits.iter().any(|it| takes(it.meaning)))
 }
 
-fn one_command(model: &Model, address: Address, word: u16) -> Option<RunOrder> {
-    let none = RunOrder {
+fn one_command(model: &Model, address: Address, word: u16) -> Option<SimRunOrder> {
+    let none = SimRunOrder {
         is_one_command: true,
-        ..RunOrder::default()
+        ..SimRunOrder::default()
     };
     let (kind, _) = model
         .orders_at(address)
         .find(|(_, fact)| fact.value == word)?;
     Some(match kind {
         OrderKind::Stop => none,
-        OrderKind::Forward => RunOrder {
+        OrderKind::Forward => SimRunOrder {
             motion: MotorMotion::Run(1),
             ..none
         },
-        OrderKind::Reverse => RunOrder {
+        OrderKind::Reverse => SimRunOrder {
             motion: MotorMotion::Run(-1),
             ..none
         },
-        OrderKind::Coast => RunOrder {
+        OrderKind::Coast => SimRunOrder {
             coast: true,
             ..none
         },
-        OrderKind::Reset => RunOrder {
+        OrderKind::Reset => SimRunOrder {
             reset: true,
             ..none
         },
-        OrderKind::Release => RunOrder {
+        OrderKind::Release => SimRunOrder {
             release: true,
             ..none
         },
@@ -138,26 +138,26 @@ fn one_command(model: &Model, address: Address, word: u16) -> Option<RunOrder> {
 }
 
 /// What a word of zeros does that is no command of its own.
-fn zero_command(run: &RunCommand) -> Option<RunOrder> {
-    let none = RunOrder {
+fn zero_command(run: &RunCommand) -> Option<SimRunOrder> {
+    let none = SimRunOrder {
         is_one_command: true,
-        ..RunOrder::default()
+        ..SimRunOrder::default()
     };
     Some(match run.zero.as_ref()?.value {
         ZeroWord::Stop => none,
-        ZeroWord::Coast => RunOrder {
+        ZeroWord::Coast => SimRunOrder {
             coast: true,
             ..none
         },
-        ZeroWord::Nothing => RunOrder {
+        ZeroWord::Nothing => SimRunOrder {
             motion: MotorMotion::Keep(None),
             ..none
         },
-        ZeroWord::Ignored => RunOrder {
+        ZeroWord::Ignored => SimRunOrder {
             is_ignored: true,
             ..none
         },
-        ZeroWord::Release => RunOrder {
+        ZeroWord::Release => SimRunOrder {
             release: true,
             ..none
         },
@@ -165,16 +165,16 @@ fn zero_command(run: &RunCommand) -> Option<RunOrder> {
 }
 
 /// The orders of these states. If the drive `latches`, a run order stays until a stop.
-fn states(run: &RunCommand, meanings: &[BitMeaning], latches: bool) -> Option<RunOrder> {
+fn states(run: &RunCommand, meanings: &[BitMeaning], latches: bool) -> Option<SimRunOrder> {
     use BitMeaning::{
         BusFrequency, BusRun, Coast, DcBrake, Forward, Freeze, Ignored, Jog, QuickStop, Reset,
         Reverse, Run, RunForward, RunReverse, Stop, Toggle, Trip,
     };
     let has = |meaning| meanings.contains(&meaning);
     if has(Ignored) {
-        return Some(RunOrder {
+        return Some(SimRunOrder {
             is_ignored: true,
-            ..RunOrder::default()
+            ..SimRunOrder::default()
         });
     }
     let stops = has(Stop) || has(QuickStop) || has(DcBrake);
@@ -193,7 +193,7 @@ fn states(run: &RunCommand, meanings: &[BitMeaning], latches: bool) -> Option<Ru
         _ if latches => MotorMotion::Keep(said),
         _ => MotorMotion::Stop,
     };
-    Some(RunOrder {
+    Some(SimRunOrder {
         motion,
         jog: has(Jog),
         coast: has(Coast),

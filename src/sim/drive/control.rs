@@ -2,7 +2,7 @@
 
 use super::SimDrive;
 use super::back_door::BackDoor;
-use super::command::{MotorMotion, RunOrder, has_priority, run_order_in};
+use super::command::{MotorMotion, SimRunOrder, has_priority, run_order_in};
 use super::denied::RequestObjection;
 use super::memory::{MemoryAddress, index_of};
 use super::watchdog::WatchdogReaction;
@@ -22,7 +22,7 @@ const ORDERED_TRIP: u16 = 1;
 
 impl SimDrive {
     /// Applies the orders of a word to the motor.
-    fn obey_word(&mut self, at: MonoTime, wish: RunOrder) {
+    fn obey_word(&mut self, at: MonoTime, wish: SimRunOrder) {
         let had_bus = self.is_run_from_bus();
         let is_edge = self.control.take_word(&wish);
         self.report.resets_held += u64::from(wish.reset && !is_edge);
@@ -63,7 +63,7 @@ impl SimDrive {
         }
     }
 
-    fn turn(&mut self, at: MonoTime, wish: RunOrder) {
+    fn turn(&mut self, at: MonoTime, wish: SimRunOrder) {
         let direction = self.control.wanted_direction(wish.motion);
         match wish.motion {
             MotorMotion::Freeze => {

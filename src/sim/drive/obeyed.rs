@@ -1,6 +1,6 @@
 //! The orders that a drive obeys, and how long it has run.
 
-use super::command::{MotorMotion, RunOrder};
+use super::command::{MotorMotion, SimRunOrder};
 use crate::domain::time::MonoTime;
 use std::time::Duration;
 
@@ -69,7 +69,7 @@ impl ObeyedOrders {
     }
 
     /// A word is obeyed as far as it claims control or resets. Returns whether its reset bit, if it has one, is new.
-    pub(super) const fn take_word(&mut self, wish: &RunOrder) -> bool {
+    pub(super) const fn take_word(&mut self, wish: &SimRunOrder) -> bool {
         let is_edge = wish.is_one_command || !self.reset_held;
         self.bus_run = wish.bus_run;
         self.bus_frequency = wish.bus_frequency;
