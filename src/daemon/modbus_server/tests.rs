@@ -76,7 +76,7 @@ pub(super) fn shared() -> Arc<SharedPlant> {
     shared_with(|number| number.is_multiple_of(2))
 }
 
-/// The same with control for other drives.
+/// A plant of four drives, with control for those whose number `has_control` accepts.
 fn shared_with(has_control: impl Fn(u8) -> bool) -> Arc<SharedPlant> {
     let catalog = vendors::catalog();
     let model = catalog.find("hyundai-n700").unwrap();

@@ -71,7 +71,7 @@ impl Stub {
         self.welcome_on(&[]).await
     }
 
-    /// The same, with properties in the answer (MQTT 5).
+    /// Accepts a connection, reads CONNECT and answers it with `properties` (MQTT 5).
     pub async fn welcome_on(&self, properties: &[u8]) -> Peer {
         let mut peer = self.accept().await;
         peer.expect(CONNECT).await;

@@ -15,7 +15,7 @@ use std::time::Duration;
 
 /// The present of most tests.
 pub(super) const NOW: MonoTime = MonoTime::from_millis(1_000_000);
-/// The same on the wall clock.
+/// The wall-clock time at [`NOW`].
 pub(super) const NOW_TEXT: &str = "2024-01-31T08:00:00.000Z";
 
 /// A clock at which it is [`NOW`].

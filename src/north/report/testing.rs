@@ -65,7 +65,7 @@ pub(super) fn good() -> LineObserved {
     LineObserved::between(None, now, MonoTime::from_millis(40_000).before(SPAN))
 }
 
-/// The same line, idle.
+/// The line of [`good`] without any exchange with its drives.
 pub(super) fn idle() -> LineObserved {
     let mut observed = good();
     observed
