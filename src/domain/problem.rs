@@ -173,7 +173,7 @@ mod tests {
 
     #[test]
     fn alternatives_are_read_as_a_sentence() {
-        let told = |names: &[&str]| {
+        let sentence = |names: &[&str]| {
             alternatives(
                 &names
                     .iter()
@@ -181,8 +181,8 @@ mod tests {
                     .collect::<Vec<_>>(),
             )
         };
-        assert_eq!(told(&[]), "");
-        assert_eq!(told(&["a"]), "a");
-        assert_eq!(told(&["a", "b", "c"]), "a, b or c");
+        assert_eq!(sentence(&[]), "");
+        assert_eq!(sentence(&["a"]), "a");
+        assert_eq!(sentence(&["a", "b", "c"]), "a, b or c");
     }
 }

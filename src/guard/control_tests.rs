@@ -66,7 +66,7 @@ fn control_is_taken_only_where_that_is_allowed_and_by_those_who_may_command() {
         },
         ..plc(1)
     };
-    for (allow_take, origin, told) in [
+    for (allow_take, origin, expected) in [
         (false, plc(1), Some(Reason::NoTake)),
         (true, may_stop_only, Some(Reason::NotAllowed)),
         (true, plc(1), None),
@@ -78,14 +78,14 @@ fn control_is_taken_only_where_that_is_allowed_and_by_those_who_may_command() {
         let intent = guard.intent();
         let stops = guard.stops();
         let verdict = at(&mut guard, origin, Order::Take, &RUNNING, NOW);
-        assert_eq!(verdict.as_ref().err().copied(), told);
-        if told.is_none() {
+        assert_eq!(verdict.as_ref().err().copied(), expected);
+        if expected.is_none() {
             assert!(
                 matches!(verdict, Ok(CommandVerdict::Taken(Some(Owner::Mqtt)))),
                 "{verdict:?}"
             );
         }
-        let owner = if told.is_none() {
+        let owner = if expected.is_none() {
             origin.owner
         } else {
             Owner::Mqtt
@@ -360,7 +360,7 @@ fn a_drive_that_obeys_its_panel_is_not_commanded_but_stopped() {
 
 #[test]
 fn run_waits_for_a_watchdog_where_one_is_required_and_a_setpoint_does_not() {
-    for (require_watchdog, is_watched, told) in [
+    for (require_watchdog, is_watched, expected) in [
         (false, false, Ok(())),
         (true, true, Ok(())),
         (true, false, Err(Reason::Watchdog)),
@@ -380,7 +380,7 @@ fn run_waits_for_a_watchdog_where_one_is_required_and_a_setpoint_does_not() {
         );
         assert_eq!(
             at(&mut guard, mqtt(), run(Direction::Forward), &facts, NOW).map(drop),
-            told
+            expected
         );
     }
 }
@@ -388,7 +388,7 @@ fn run_waits_for_a_watchdog_where_one_is_required_and_a_setpoint_does_not() {
 #[test]
 fn a_stored_register_is_written_seldom_and_others_as_often_as_one_likes() {
     let interval = Duration::from_secs(10);
-    for (memory, told) in [
+    for (memory, expected) in [
         (Some(RegisterMemory::Stored), Err(Reason::WrittenTooOften)),
         (None, Err(Reason::WrittenTooOften)),
         (Some(RegisterMemory::Ram), Ok(())),
@@ -419,7 +419,7 @@ fn a_stored_register_is_written_seldom_and_others_as_often_as_one_likes() {
         assert_eq!(write(50, Duration::ZERO), Ok(()));
         assert_eq!(
             write(60, interval - Duration::from_millis(1)),
-            told,
+            expected,
             "{memory:?}"
         );
         assert_eq!(write(60, interval * 2), Ok(()));
@@ -427,7 +427,7 @@ fn a_stored_register_is_written_seldom_and_others_as_often_as_one_likes() {
         let twice = Order::Go(GoOrder::new(twice.to_vec(), None, None).unwrap());
         assert_eq!(
             at(&mut guard_of(kept, control()), mqtt(), twice, &RESTING, NOW).map(drop),
-            told,
+            expected,
             "in one order"
         );
     }
@@ -549,7 +549,7 @@ fn a_parameter_is_written_back_by_the_gateways_own_tool_at_standstill_listed_or_
     {
         register.back_door = Some("another way in".to_owned());
     }
-    for (settings, origin, address, value, facts, told) in [
+    for (settings, origin, address, value, facts, expected) in [
         (&unlisted, local, RAMP, 50, RESTING, Ok(())),
         (&unlisted, mqtt(), RAMP, 50, RESTING, Err(Reason::NotListed)),
         (&unlisted, plc(1), RAMP, 50, RESTING, Err(Reason::NotListed)),
@@ -594,7 +594,7 @@ fn a_parameter_is_written_back_by_the_gateways_own_tool_at_standstill_listed_or_
             &facts,
             NOW,
         );
-        assert_eq!(verdict.map(drop), told, "{origin:?} {address:04X}");
+        assert_eq!(verdict.map(drop), expected, "{origin:?} {address:04X}");
         assert_eq!(holder(&guard), None, "it takes no control");
     }
     let mut guard = guard_of(doors, unlisted);

@@ -437,11 +437,11 @@ fn a_register_that_commands_is_no_parameter_even_if_it_is_listed() {
         (0x020C, 0, Reason::OutsideRange),
     ] {
         let mut guard = guard_of(with_door.clone(), everything.clone());
-        let told = reviewed(
+        let verdict = reviewed(
             &mut guard,
             &command(mqtt(), register(address.into(), value)),
         );
-        assert_eq!(told, Err((Outcome::Refused, reason)), "{address:04X}");
+        assert_eq!(verdict, Err((Outcome::Refused, reason)), "{address:04X}");
     }
     let mut guard = guard_of(with_door.clone(), everything);
     assert_eq!(
@@ -458,11 +458,11 @@ fn a_register_that_commands_is_no_parameter_even_if_it_is_listed() {
             ..control()
         },
     );
-    let told = reviewed(
+    let verdict = reviewed(
         &mut unlisted,
         &command(mqtt(), register(0x020C_u16.into(), 100)),
     );
-    assert_eq!(told, Err((Outcome::Refused, Reason::NotListed)));
+    assert_eq!(verdict, Err((Outcome::Refused, Reason::NotListed)));
 }
 
 #[test]
@@ -531,8 +531,8 @@ fn a_reset_goes_to_a_tripped_drive_or_to_one_that_stands_still_and_may_be() {
             };
             reviewed(&mut guard, &command(local, run(Direction::Forward))).unwrap();
         }
-        let told = judged(&mut guard, Order::Reset, facts).map(drop);
-        assert_eq!(told, expected, "{facts:?}, ordered to run {runs}");
+        let verdict = judged(&mut guard, Order::Reset, facts).map(drop);
+        assert_eq!(verdict, expected, "{facts:?}, ordered to run {runs}");
     }
     let mut guard = guard_of(model(), control());
     let cyclic = guard.review(&command(plc(1), Order::Reset), &RESTING, NOW);
@@ -545,9 +545,9 @@ fn a_reset_goes_to_a_tripped_drive_or_to_one_that_stands_still_and_may_be() {
         tripped: Some(true),
         ..RESTING
     };
-    let told = guard.review(&late, &facts, late.start_before).unwrap_err();
+    let refusal = guard.review(&late, &facts, late.start_before).unwrap_err();
     assert_eq!(
-        (told.outcome, told.reason),
+        (refusal.outcome, refusal.reason),
         (Outcome::Expired, Reason::TooLate)
     );
 }
@@ -600,19 +600,19 @@ fn what_the_motor_obeys_changes_only_while_nothing_is_ordered_and_nothing_turns(
                 Reason::LineDown,
             ),
         ] {
-            let told = judged(
+            let verdict = judged(
                 &mut guard_of(able.clone(), settings.clone()),
                 order.clone(),
                 facts,
             )
             .map(drop);
-            assert_eq!(told, Err(reason), "{order:?}");
+            assert_eq!(verdict, Err(reason), "{order:?}");
         }
         let mut guard = guard_of(able.clone(), settings.clone());
         judged(&mut guard, run(Direction::Forward), RESTING).unwrap();
-        let told = judged(&mut guard, order.clone(), RESTING).map(drop);
+        let verdict = judged(&mut guard, order.clone(), RESTING).map(drop);
         assert_eq!(
-            told,
+            verdict,
             Err(Reason::Moving),
             "{order:?}: the order to run may not have reached the motor yet"
         );
@@ -628,8 +628,8 @@ fn what_the_motor_obeys_changes_only_while_nothing_is_ordered_and_nothing_turns(
         Err(Reason::NotUnderstood)
     );
     for (origin, reason) in [(mqtt(), Reason::NotFromHere), (plc(1), Reason::NotFromHere)] {
-        let told = reviewed(&mut guard, &command(origin, addresses()));
-        assert_eq!(told, Err((Outcome::Refused, reason)));
+        let verdict = reviewed(&mut guard, &command(origin, addresses()));
+        assert_eq!(verdict, Err((Outcome::Refused, reason)));
     }
     let mut closed = guard_of(able, control());
     assert_eq!(
@@ -654,8 +654,8 @@ fn anyone_who_is_signed_in_commands_where_the_drive_says_so() {
         },
     );
     for order in [run(Direction::Forward), STOP, Order::Renew] {
-        let told = reviewed(&mut guard, &command(anna, order));
-        assert_eq!(told, Err((Outcome::Refused, Reason::NotFromHere)));
+        let verdict = reviewed(&mut guard, &command(anna, order));
+        assert_eq!(verdict, Err((Outcome::Refused, Reason::NotFromHere)));
     }
     // Retained messages of a broker do not matter here.
     let mut guard = guard_of(
@@ -681,9 +681,9 @@ fn anyone_who_is_signed_in_commands_where_the_drive_says_so() {
         "whoever may, stops"
     );
     assert_eq!(guard.lease(), None);
-    let told = reviewed(&mut guard, &command(bob, run(Direction::Forward)));
+    let verdict = reviewed(&mut guard, &command(bob, run(Direction::Forward)));
     assert_eq!(
-        told,
+        verdict,
         Err((Outcome::Refused, Reason::RestartDelay)),
         "it may have been sent before the stop"
     );
@@ -711,13 +711,13 @@ fn on_a_bad_line_nothing_may_make_a_motor_faster() {
         (run(Direction::Forward), true),
         (STOP, false),
     ] {
-        let told = judged(&mut guard, order.clone(), bad).map(drop);
+        let verdict = judged(&mut guard, order.clone(), bad).map(drop);
         assert_eq!(
-            told == Err(Reason::LineQuality),
+            verdict == Err(Reason::LineQuality),
             refused,
-            "{order:?}: {told:?}"
+            "{order:?}: {verdict:?}"
         );
-        assert!(refused || told.is_ok(), "{order:?}: {told:?}");
+        assert!(refused || verdict.is_ok(), "{order:?}: {verdict:?}");
     }
 }
 

@@ -476,17 +476,17 @@ mod tests {
     fn a_station_that_answers_each_request_in_the_wrong_form_is_told_once() {
         let mut diagnosis = line();
         let request = HeardFrame::of(&[1, 3, 0x20, 0, 0, 1]);
-        let mut told = Vec::new();
+        let mut suspicions = Vec::new();
         for number in 0..200 {
             diagnosis.sent(0);
             diagnosis.wrong_reply(0, request, HeardFrame::of(&[1, 3, 4, 0, 0, number]));
             diagnosis.ended(Some(Fault::Silent), 7);
-            told.push(diagnosis.suspicion());
+            suspicions.push(diagnosis.suspicion());
         }
-        told.dedup();
+        suspicions.dedup();
         assert!(
             matches!(
-                told.as_slice(),
+                suspicions.as_slice(),
                 [
                     None,
                     Some(LineSuspicion::WrongReplies {
@@ -495,7 +495,7 @@ mod tests {
                     })
                 ]
             ),
-            "{told:?}"
+            "{suspicions:?}"
         );
     }
 

@@ -43,19 +43,19 @@ const NOT_PLAYED: [(&str, &str, &str, &str); 17] = [
         "TECO E510s",
         "08H error reply",
         "0188",
-        "why a loop test fails is not told",
+        "why a loop test fails is not documented",
     ),
     (
         "TECO E510s",
         "08H error reply, corrected",
         "0188",
-        "why a loop test fails is not told",
+        "why a loop test fails is not documented",
     ),
     (
         "TECO E510",
         "08H error reply",
         "0188",
-        "why a loop test fails is not told",
+        "why a loop test fails is not documented",
     ),
     (
         "TECO E510",
@@ -137,35 +137,35 @@ fn prepare(drive: &mut SimDrive, request: &[u8], response: &[u8]) {
     let address = u16::from_be_bytes([request[1], request[2]]);
     let shown = pdu::words(response.get(2..).unwrap_or_default());
     let first = shown.first().copied().unwrap_or_default();
-    let mut told = |address: u16, value: u16| {
+    let mut write = |address: u16, value: u16| {
         let mut request = vec![6];
         pdu::put_words(&mut request, &[address, value]);
         assert!(drive.answer(seconds(0), &request, 0, &mut Vec::new()));
     };
     match (request[0], address, response[0]) {
         (3, 0x0101, 3) => {
-            told(0x0004, first);
-            told(0x0002, u16::from(first > 0));
+            write(0x0004, first);
+            write(0x0002, u16::from(first > 0));
         }
-        (3, 0x0201, 3) => told(0x0004, first),
-        (3, 0x0202 | 0x020C, 3) => told(address, first),
-        (3, 0x2523, 3) => told(0x2502, first),
+        (3, 0x0201, 3) => write(0x0004, first),
+        (3, 0x0202 | 0x020C, 3) => write(address, first),
+        (3, 0x2523, 3) => write(0x2502, first),
         (3, 0x2520, 3) => {
-            told(0x2502, shown[3]);
-            told(0x2501, 1);
+            write(0x2502, shown[3]);
+            write(0x2501, 1);
         }
         (3, 0x0C10, 3) => drive.set_locally(seconds(0), 0x0C10_u16.into(), first),
         // The frequency comes from somewhere else: 00-05.
         (6, 0x2502, 0x86) => drive.set_locally(seconds(0), 0x0005_u16.into(), 0),
         (3, 0x3000 | 0x2100, 3) => {
-            told(0x2001, 5000);
-            told(0x2000, 1);
+            write(0x2001, 5000);
+            write(0x2000, 1);
         }
         (3, 0x3100 | 0xFC90, 3) => drive.trip(seconds(50), first),
         (3, 0xFD00 | 0xFD01 | 0xFD03, 3) | (6, 0x0011, 0x86) => {
             // 0.33 and 0.67 times 31.29 of 60 Hz is 67.94 %.
-            told(0xFA01, if address == 0xFD03 { 3129 } else { 6000 });
-            told(0xFA00, 0xC400);
+            write(0xFA01, if address == 0xFD03 { 3129 } else { 6000 });
+            write(0xFA00, 0xC400);
             // Bit 13 stands for a terminal that no flag names.
             drive.set_locally(seconds(0), 0xFD01_u16.into(), 0x2000);
         }

@@ -350,11 +350,11 @@ fn trips_are_reported_once_with_their_text_and_their_end() {
         now: NOW + Duration::from_millis(400),
         clock: &clock,
     };
-    let told = trips::between(&present, &description, &before, &after);
+    let events = trips::between(&present, &description, &before, &after);
     // What the manual is read to say, marked as that.
     let text = "OC1: overcurrent, acceleration (inferred)";
     assert_eq!(
-        told,
+        events,
         [
             json!({ "drive": "pump-1", "kind": "tripped", "code": 1, "text": text, "at": "2024-01-31T08:00:00.000Z" })
         ]
@@ -375,8 +375,9 @@ fn trips_are_reported_once_with_their_text_and_their_end() {
     let mut cleared = after.clone();
     cleared.trip.active = Some(false);
     let kinds = |before: &DriveView, after: &DriveView| -> Vec<String> {
-        let told = trips::between(&present, &description, before, after);
-        told.iter()
+        let events = trips::between(&present, &description, before, after);
+        events
+            .iter()
             .map(|it| it["kind"].as_str().unwrap().to_owned())
             .collect()
     };
@@ -511,18 +512,18 @@ fn a_declared_action_is_called_by_its_cause_and_by_the_stage_that_it_has_reached
             let due = FailSafeRun::due(FailSafe::Coast, cause, NOW);
             view.control.as_mut().unwrap().failsafe = Some(FailSafeRun { stage, ..due });
             let said = drive(&description, &view).advice(Interface::Rs485, NOW);
-            let told: Vec<_> = said
+            let findings: Vec<_> = said
                 .iter()
                 .filter(|it| matches!(it.sign, FindingSign::CommanderLost | FindingSign::FailSafe))
                 .collect();
-            let [told] = told.as_slice() else {
+            let [finding] = findings.as_slice() else {
                 panic!("{said:?}")
             };
             assert_eq!(
-                told.sign == FindingSign::CommanderLost,
+                finding.sign == FindingSign::CommanderLost,
                 cause.is_lost_commander()
             );
-            let text = told.text.to_string();
+            let text = finding.text.to_string();
             assert!(
                 text.contains("coast") && !text.contains("finding."),
                 "{text}"
@@ -589,18 +590,22 @@ fn a_warning_is_told_as_long_as_it_is_fresh_and_the_drive_answers() {
     description.model = Arc::new(model);
     let mut view = view(&description, 0);
     view.snapshot.take(address, &[0], NOW);
-    let told = |view: &DriveView, at| {
+    let warning = |view: &DriveView, at| {
         let said = drive(&description, view).advice(Interface::Rs485, at);
         let warns = said.into_iter().find(|it| it.sign == FindingSign::Warns)?;
         Some((warns.severity, warns.text.to_string()))
     };
-    assert_eq!(told(&view, NOW), None);
+    assert_eq!(warning(&view, NOW), None);
     view.snapshot.take(address, &[9], NOW);
     let text = "the drive warns: code 9; it goes on, and may trip if the cause stays".to_owned();
-    assert_eq!(told(&view, NOW), Some((Severity::Hint, text)));
-    assert_eq!(told(&view, NOW + Duration::from_secs(600)), None, "too old");
+    assert_eq!(warning(&view, NOW), Some((Severity::Hint, text)));
+    assert_eq!(
+        warning(&view, NOW + Duration::from_secs(600)),
+        None,
+        "too old"
+    );
     view.snapshot.presence = DrivePresence::Offline;
-    assert_eq!(told(&view, NOW), None);
+    assert_eq!(warning(&view, NOW), None);
 }
 
 #[test]
@@ -821,7 +826,7 @@ fn a_line_in_trouble_says_what_to_look_at() {
 
 #[test]
 fn a_line_with_several_gateways_tells_who_sends() {
-    let told = |role, hears_other, rivals, trouble| {
+    let signs_of = |role, hears_other, rivals, trouble| {
         let listener = (role == LineRole::Active).then_some(rivals == 0);
         let standby = StandbyReport {
             role,
@@ -844,7 +849,7 @@ fn a_line_with_several_gateways_tells_who_sends() {
         advice.into_iter().map(|it| it.sign).collect::<Vec<_>>()
     };
     let said =
-        |role, hears_other, rivals| told(role, hears_other, rivals, StandbyTrouble::default());
+        |role, hears_other, rivals| signs_of(role, hears_other, rivals, StandbyTrouble::default());
     assert_eq!(said(LineRole::Listening, true, 0), []);
     assert_eq!(said(LineRole::Active, false, 0), []);
     assert_eq!(
@@ -865,7 +870,7 @@ fn a_line_with_several_gateways_tells_who_sends() {
         FindingSign::FilesDiffer,
         FindingSign::Stranger,
     ];
-    assert_eq!(told(LineRole::Listening, true, 0, trouble), signs);
+    assert_eq!(signs_of(LineRole::Listening, true, 0, trouble), signs);
 }
 
 #[test]

@@ -16,11 +16,11 @@ pub fn between(
 ) -> Vec<Value> {
     let has_tripped = after.trip.seen > before.trip.seen;
     let was_active = before.trip.active == Some(true) || has_tripped;
-    let mut told = Vec::new();
+    let mut events = Vec::new();
     if has_tripped {
         let code = after.trip.last.as_ref().and_then(|last| last.code);
         let at = after.trip.last.as_ref().map_or(present.now, |last| last.at);
-        told.push(json!({
+        events.push(json!({
             "drive": drive.name.as_str(),
             "kind": "tripped",
             "code": code,
@@ -29,7 +29,7 @@ pub fn between(
         }));
     }
     if was_active && after.trip.active == Some(false) {
-        told.push(json!({
+        events.push(json!({
             "drive": drive.name.as_str(),
             "kind": "cleared",
             "code": null,
@@ -37,5 +37,5 @@ pub fn between(
             "at": present.text(),
         }));
     }
-    told
+    events
 }

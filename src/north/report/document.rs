@@ -121,17 +121,21 @@ mod tests {
 
     #[test]
     fn a_good_line_is_reported_in_numbers() {
-        let told = document(&line_name(), &Wiring::default(), &good());
-        assert_eq!(told["link"], "9600 8N1");
+        let report = document(&line_name(), &Wiring::default(), &good());
+        assert_eq!(report["link"], "9600 8N1");
         assert_eq!(
-            (&told["state"], &told["reason"], &told["suspicion"]),
+            (&report["state"], &report["reason"], &report["suspicion"]),
             (&"up".into(), &Value::Null, &Value::Null)
         );
-        assert_eq!(told["observed_s"], 30.0);
-        assert_eq!(told["rates"]["exchanges"], 2000);
-        assert_eq!(told["rates"]["good_per_mille"], 1000.0);
-        assert_eq!(told["verdict"].as_array().map(Vec::len), Some(1), "{told}");
-        let drive = &told["drives"][0];
+        assert_eq!(report["observed_s"], 30.0);
+        assert_eq!(report["rates"]["exchanges"], 2000);
+        assert_eq!(report["rates"]["good_per_mille"], 1000.0);
+        assert_eq!(
+            report["verdict"].as_array().map(Vec::len),
+            Some(1),
+            "{report}"
+        );
+        let drive = &report["drives"][0];
         assert_eq!(
             (&drive["name"], &drive["station"], &drive["presence"]),
             (&"a".into(), &1.into(), &"online".into())

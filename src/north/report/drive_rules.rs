@@ -19,14 +19,14 @@ const EXCEPTIONS_PER_MILLE: u64 = 50;
 
 pub(super) fn offline(seen: &LineObserved, drive: &DriveObserved) -> FindingText {
     let station = drive.now.station;
-    let is_told = match seen.line.suspicion {
+    let is_suspected = match seen.line.suspicion {
         Some(LineSuspicion::OneSilent(silent) | LineSuspicion::OneUnitSilent(silent)) => {
             silent == station
         }
         suspicion => suspicion.is_some(),
     };
     let is_silent = drive.now.presence == DrivePresence::Offline && silent(seen, drive).is_none();
-    let is_offline = seen.is_up() && is_silent && !is_told;
+    let is_offline = seen.is_up() && is_silent && !is_suspected;
     is_offline.then(|| (Severity::Problem, finding::offline(Some(station))))
 }
 
@@ -38,21 +38,21 @@ pub(super) fn warns(_: &LineObserved, drive: &DriveObserved) -> FindingText {
 pub(super) fn duplicate_station(seen: &LineObserved, drive: &DriveObserved) -> FindingText {
     let station = drive.now.station;
     let doubled = drive.damage.doubled;
-    let is_told = seen.line.suspicion == Some(LineSuspicion::DuplicateStation(station));
+    let is_suspected = seen.line.suspicion == Some(LineSuspicion::DuplicateStation(station));
     let text = || {
         Sentence::new("finding.duplicate_station")
             .with("answers", doubled)
             .with("station", u64::from(station.0))
     };
-    (doubled >= SIGNS && !is_told).then(|| (Severity::Problem, text()))
+    (doubled >= SIGNS && !is_suspected).then(|| (Severity::Problem, text()))
 }
 
 pub(super) fn late_beyond_limit(seen: &LineObserved, drive: &DriveObserved) -> FindingText {
     let station = drive.now.station;
     let beyond = drive.damage.beyond_limit;
-    let is_told = seen.line.suspicion == Some(LineSuspicion::LateBeyondLimit(station));
+    let is_suspected = seen.line.suspicion == Some(LineSuspicion::LateBeyondLimit(station));
     let text = || Sentence::new("finding.late_beyond_limit").with("replies", beyond);
-    (beyond > 0 && !is_told).then(|| (Severity::Problem, text()))
+    (beyond > 0 && !is_suspected).then(|| (Severity::Problem, text()))
 }
 
 /// Where damage is. Each names one cause; the first that applies takes precedence.
@@ -130,13 +130,13 @@ fn said(
 ) -> FindingText {
     let severity = graded(drive.damage.damaged, drive.exchanges.total())?;
     // What is suspected of the whole line already says what to do.
-    let is_told = seen.line.suspicion.is_some_and(|suspicion| {
+    let is_suspected = seen.line.suspicion.is_some_and(|suspicion| {
         !matches!(
             suspicion,
             LineSuspicion::OneSilent(_) | LineSuspicion::OneUnitSilent(_)
         )
     });
-    (!is_told && pattern_of(seen, drive) == pattern).then(|| (severity, text()))
+    (!is_suspected && pattern_of(seen, drive) == pattern).then(|| (severity, text()))
 }
 
 fn pattern_of(seen: &LineObserved, drive: &DriveObserved) -> DamagePattern {
@@ -202,14 +202,14 @@ pub(super) fn silent(seen: &LineObserved, drive: &DriveObserved) -> FindingText 
     let silent = drive.silent();
     let all = drive.exchanges.total();
     let severity = graded(silent, all)?;
-    let is_told = drive.damage.late * 2 >= silent || seen.line.suspicion.is_some();
+    let is_explained = drive.damage.late * 2 >= silent || seen.line.suspicion.is_some();
     let is_there = seen.is_up() && drive.exchanges.replies > 0;
     let text = || {
         Sentence::new("finding.silent")
             .with("unanswered", silent)
             .with("requests", all)
     };
-    (is_there && !is_told).then(|| (severity, text()))
+    (is_there && !is_explained).then(|| (severity, text()))
 }
 
 pub(super) fn timeout_short(_: &LineObserved, drive: &DriveObserved) -> FindingText {

@@ -34,9 +34,9 @@ pub(super) fn suspended(seen: &LineObserved) -> FindingText {
 }
 
 pub(super) fn other_master(seen: &LineObserved) -> FindingText {
-    let is_told = seen.line.suspicion == Some(LineSuspicion::OtherMaster);
+    let is_suspected = seen.line.suspicion == Some(LineSuspicion::OtherMaster);
     let text = || Sentence::new("finding.other_master").with("requests", seen.other_master);
-    (seen.other_master >= SIGNS && !is_told && !is_shared(seen))
+    (seen.other_master >= SIGNS && !is_suspected && !is_shared(seen))
         .then(|| (Severity::Problem, text()))
 }
 
@@ -75,9 +75,9 @@ pub(super) fn over_full(seen: &LineObserved) -> FindingText {
 }
 
 pub(super) fn echo_stripped(seen: &LineObserved) -> FindingText {
-    let is_told = seen.line.suspicion == Some(LineSuspicion::Echo);
+    let is_suspected = seen.line.suspicion == Some(LineSuspicion::Echo);
     let text = Sentence::new("finding.echo_stripped");
-    (seen.is_up() && seen.echoes >= SIGNS && !is_told).then_some((Severity::Good, text))
+    (seen.is_up() && seen.echoes >= SIGNS && !is_suspected).then_some((Severity::Good, text))
 }
 
 pub(super) fn few_exchanges(seen: &LineObserved) -> FindingText {

@@ -191,14 +191,14 @@ mod tests {
             "at": "1970-01-01T00:00:01.002003Z", "kind": "request", "why": "poll", "bytes": "010301010001D436",
             "gap_ms": null, "station": 1, "drive": "pump-1", "function": 3, "text": "read 0x0101", "values": [],
         });
-        let told = packet_of(&frame, Framing::Rtu).unwrap();
+        let packet = packet_of(&frame, Framing::Rtu).unwrap();
         assert_eq!(
-            (told.unix_us, told.direction, told.protocol),
+            (packet.unix_us, packet.direction, packet.protocol),
             (1_002_003, PacketDirection::Out, "mbrtu")
         );
-        assert!(told.is_for_a_drive);
-        assert_eq!(told.bytes, [1, 3, 1, 1, 0, 1, 0xD4, 0x36]);
-        assert_eq!(told.comment, "request to pump-1 (poll): read 0x0101");
+        assert!(packet.is_for_a_drive);
+        assert_eq!(packet.bytes, [1, 3, 1, 1, 0, 1, 0xD4, 0x36]);
+        assert_eq!(packet.comment, "request to pump-1 (poll): read 0x0101");
         assert_eq!(
             packet_of(&frame, Framing::Ascii).unwrap().protocol,
             "data-text-lines"
@@ -212,12 +212,12 @@ mod tests {
             "at": "1970-01-01T00:00:00.000001Z", "kind": "noise", "bytes": "00", "station": null,
             "text": "1 byte that makes no frame",
         });
-        let told = packet_of(&noise, Framing::Rtu).unwrap();
+        let packet = packet_of(&noise, Framing::Rtu).unwrap();
         assert_eq!(
-            (told.unix_us, told.direction, told.protocol),
+            (packet.unix_us, packet.direction, packet.protocol),
             (1, PacketDirection::In, "data")
         );
-        assert_eq!(told.comment, "noise: 1 byte that makes no frame");
+        assert_eq!(packet.comment, "noise: 1 byte that makes no frame");
         let other = json!({ "at": "1970-01-01T00:00:00.000001Z", "kind": "other_master", "bytes": "", "station": 9,
             "text": "x" });
         assert_eq!(

@@ -309,7 +309,7 @@ fn writes_say_what_is_ordered_and_what_the_drive_holds() {
 #[test]
 fn a_run_word_is_reported_by_its_bits_and_fields() {
     use crate::profile::check;
-    let told = |text: &str, word: u16| {
+    let text_of = |text: &str, word: u16| {
         let drive = KnownDrive {
             model: Arc::new(check::model(text).unwrap()),
             ..drive("hyundai-n700", 1)
@@ -324,19 +324,19 @@ fn a_run_word_is_reported_by_its_bits_and_fields() {
             .to_owned()
     };
     let ignoring = include_str!("../../../tests/golden/models/zero-ignored.toml");
-    assert_eq!(told(ignoring, 0x043C), "0x043C (stop)");
-    assert_eq!(told(ignoring, 0x0000), "0x0000 (ignored)");
+    assert_eq!(text_of(ignoring, 0x043C), "0x043C (stop)");
+    assert_eq!(text_of(ignoring, 0x0000), "0x0000 (ignored)");
     assert_eq!(
-        told(ignoring, 0x803C),
+        text_of(ignoring, 0x803C),
         "0x803C (ignored)",
         "whatever else it says"
     );
-    assert_eq!(told(ignoring, 0x042C), "0x042C (quick-stop)");
+    assert_eq!(text_of(ignoring, 0x042C), "0x042C (quick-stop)");
     let latching = include_str!("../../../tests/golden/models/zero-nothing.toml");
-    assert_eq!(told(latching, 0x0000), "0x0000 (nothing)");
-    assert_eq!(told(latching, 0x0032), "0x0032 (run, toggle)");
+    assert_eq!(text_of(latching, 0x0000), "0x0000 (nothing)");
+    assert_eq!(text_of(latching, 0x0032), "0x0032 (run, toggle)");
     let coasting = include_str!("../../../tests/golden/models/zero-coast.toml");
-    assert_eq!(told(coasting, 0x0000), "0x0000 (coast)");
+    assert_eq!(text_of(coasting, 0x0000), "0x0000 (coast)");
 }
 
 #[test]

@@ -205,12 +205,12 @@ impl SimDrive {
                 .iter()
                 .find(move |it| it.address == address && it.flag == flag)
         };
-        let told: Vec<_> = FLAGS
+        let indicated: Vec<_> = FLAGS
             .into_iter()
             .filter_map(flags)
             .map(|it| (it, self.is_so(at, it.flag)))
             .collect();
-        let word = word_of_flags(&told, other)?;
+        let word = word_of_flags(&indicated, other)?;
         // What the drive shows of a start.
         Some(if self.faults.is_tripped() || self.shows_running(at) {
             word

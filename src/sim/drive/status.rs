@@ -14,18 +14,22 @@ pub(super) const FLAGS: [IndicatedState; 8] = [
     IndicatedState::Tripped,
 ];
 
-/// The word of a status register with the flags that are `told`, in the order of [`FLAGS`], and whether each is set; `None`
+/// The word of a status register with `flags`, in the order of [`FLAGS`], and whether each is set; `None`
 /// without a flag. Bits that no flag names are those of `other`.
-pub(super) fn word_of_flags(told: &[(&StatusFlag, bool)], other: u16) -> Option<u16> {
-    let named = told.iter().fold(0, |mask, (it, _)| mask | it.mask);
-    let word = told
+pub(super) fn word_of_flags(flags: &[(&StatusFlag, bool)], other: u16) -> Option<u16> {
+    let named = flags.iter().fold(0, |mask, (it, _)| mask | it.mask);
+    let word = flags
         .iter()
         .filter(|(_, is_so)| *is_so)
         .fold(other & !named, |word, (it, _)| shown(word, it));
     let hidden = |word, it: &(&StatusFlag, bool)| {
-        if it.1 { word } else { hidden(word, it.0, told) }
+        if it.1 {
+            word
+        } else {
+            hidden(word, it.0, flags)
+        }
     };
-    (!told.is_empty()).then(|| told.iter().fold(word, hidden))
+    (!flags.is_empty()).then(|| flags.iter().fold(word, hidden))
 }
 
 /// `word` with `flag` set.
@@ -38,7 +42,7 @@ fn shown(word: u16, flag: &StatusFlag) -> u16 {
 
 /// `word` with `flag` cleared, by a word that documents name, or by the smallest change of a bit, so that the set flags are
 /// unchanged.
-fn hidden(word: u16, flag: &StatusFlag, told: &[(&StatusFlag, bool)]) -> u16 {
+fn hidden(word: u16, flag: &StatusFlag, flags: &[(&StatusFlag, bool)]) -> u16 {
     let is_clear = |word: u16| flag.reads(word) == Some(false);
     if is_clear(word) {
         return word;
@@ -57,13 +61,14 @@ fn hidden(word: u16, flag: &StatusFlag, told: &[(&StatusFlag, bool)]) -> u16 {
         .collect();
     let agrees = |word: u16, (it, is_so): &(&StatusFlag, bool)| it.reads(word) == Some(*is_so);
     let keeps = |word: u16| {
-        told.iter()
+        flags
+            .iter()
             .filter(|(_, is_so)| *is_so)
             .all(|(it, _)| it.holds(word))
     };
     let all_agree = others
         .iter()
-        .find(|word| told.iter().all(|it| agrees(**word, it)));
+        .find(|word| flags.iter().all(|it| agrees(**word, it)));
     let is_right = || others.iter().find(|word| is_clear(**word) && keeps(**word));
     all_agree.or_else(is_right).copied().unwrap_or(word)
 }

@@ -245,7 +245,7 @@ fn run_state_and_trips_are_in_the_fast_class_of_every_model() {
 fn every_file_is_sound_and_named_after_its_model() {
     let all = Catalog::from_texts(texts().iter().copied()).unwrap_or_else(|problems| {
         let text = |file: &str| texts().iter().find(|(name, _)| *name == file).unwrap().1;
-        let told = problems.iter().map(|(file, it)| {
+        let lines = problems.iter().map(|(file, it)| {
             format!(
                 "{file}:{}: {}: {}; right: {:?}",
                 it.place_in(text(file)).0,
@@ -254,7 +254,7 @@ fn every_file_is_sound_and_named_after_its_model() {
                 it.right
             )
         });
-        panic!("{}", told.collect::<Vec<_>>().join("\n"))
+        panic!("{}", lines.collect::<Vec<_>>().join("\n"))
     });
     assert_eq!(
         all.ids().collect::<Vec<_>>(),
