@@ -661,7 +661,7 @@ mod tests {
                 (origin.owner, order),
                 (Owner::Local, Order::Setup(vec![0x0211_u16.into()]))
             );
-            let told = |outcome, is_final| {
+            let answered = |outcome, is_final| {
                 let report = Report::new(outcome, Reason::None);
                 LineNews::Command(CommandAnswer {
                     asker,
@@ -672,8 +672,8 @@ mod tests {
                 })
             };
             vec![
-                told(Outcome::Acknowledged, false),
-                told(Outcome::Confirmed, true),
+                answered(Outcome::Acknowledged, false),
+                answered(Outcome::Confirmed, true),
             ]
         };
         let report = with_a_line(

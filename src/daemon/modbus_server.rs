@@ -58,7 +58,7 @@ pub struct ModbusServer {
     handshakes: PendingHandshakes,
     admission: Rc<ClientAdmission>,
     spare: SpareDescriptor,
-    told: RateLimitedLog,
+    log: RateLimitedLog,
     stalls: Arc<LastStalls>,
     last: Cell<u64>,
 }

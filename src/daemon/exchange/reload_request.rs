@@ -109,11 +109,11 @@ impl ReloadRequests {
     /// # Errors
     /// Why nothing has changed.
     pub async fn ask(&self) -> Reloaded {
-        let (tell, told) = oneshot::channel();
+        let (tell, outcome) = oneshot::channel();
         self.0.try_send(tell).map_err(|error| match error {
             mpsc::error::TrySendError::Full(_) => ReloadRefusal::Busy,
             mpsc::error::TrySendError::Closed(_) => ReloadRefusal::Ending,
         })?;
-        told.await.unwrap_or(Err(ReloadRefusal::Ending))
+        outcome.await.unwrap_or(Err(ReloadRefusal::Ending))
     }
 }

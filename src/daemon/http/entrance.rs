@@ -54,7 +54,7 @@ pub(super) async fn serve(
 ) {
     let house = ListenerConnections::default();
     let lasting = lasting::places();
-    let told = RateLimitedLog::default();
+    let log = RateLimitedLog::default();
     let places = &house.0;
     loop {
         let (stream, peer) = tokio::select! {
@@ -67,7 +67,7 @@ pub(super) async fn serve(
         let peer = peer.ip().to_canonical();
         let front = front.load();
         if !front.allows(peer) {
-            told.say(&format!("HTTP: refused {peer}: not in `allow`"));
+            log.say(&format!("HTTP: refused {peer}: not in `allow`"));
             continue;
         }
         let (lasting, life) = StreamSlot::new(Arc::clone(&lasting));

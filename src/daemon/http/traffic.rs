@@ -84,7 +84,7 @@ struct TrafficEvents {
     last_said: MonoTime,
     /// More records wait than went into the last piece.
     has_more: bool,
-    is_told: bool,
+    is_begin_sent: bool,
     has_ended: bool,
 }
 
@@ -98,7 +98,7 @@ impl TrafficEvents {
         let begun = now;
         let last_said = now;
         let has_more = false;
-        let is_told = false;
+        let is_begin_sent = false;
         let has_ended = false;
         Self {
             gateway,
@@ -109,7 +109,7 @@ impl TrafficEvents {
             begun,
             last_said,
             has_more,
-            is_told,
+            is_begin_sent,
             has_ended,
         }
     }
@@ -117,7 +117,7 @@ impl TrafficEvents {
     /// The events at `now`; empty if there are none.
     fn piece(&mut self, now: MonoTime) -> String {
         let mut text = String::new();
-        if !std::mem::replace(&mut self.is_told, true) {
+        if !std::mem::replace(&mut self.is_begin_sent, true) {
             text += "retry: 500\n";
             event(&mut text, "begin", &about(self.listener.line()));
         }

@@ -225,7 +225,7 @@ fn a_line_that_is_no_more_ends_its_answers_and_is_not_found() {
             .shared
             .set(Arc::new(SharedPlant::of(Vec::new(), Arc::default())));
         watcher.until("event: again").await;
-        assert_eq!(watcher.frames().len(), 1, "what had come before is told");
+        assert_eq!(watcher.frames().len(), 1, "what had come before is sent");
         let mut gone = Watcher::new(address, "").await;
         assert!(
             gone.until("no line is called hall-1")

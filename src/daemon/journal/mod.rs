@@ -163,9 +163,9 @@ impl Journal {
 
     /// The remembered state of each drive; `None` if the journal does not answer within `within`.
     pub async fn memory(&self, within: Duration) -> Option<BTreeMap<Name, RememberedDrive>> {
-        let (tell, told) = oneshot::channel();
+        let (tell, answer) = oneshot::channel();
         self.inbox.put(WriterMessage::Memory(tell));
-        tokio::time::timeout(within, told).await.ok()?.ok()
+        tokio::time::timeout(within, answer).await.ok()?.ok()
     }
 
     /// The path of its file.

@@ -149,7 +149,7 @@ impl JournalStore {
         let mark = self.mark.take();
         let is_first = self.audit_base.is_none();
         let opened = self.open_once();
-        let mut told = reason.to_owned();
+        let mut text = reason.to_owned();
         match (opened, &mut self.database) {
             (Ok(_), Some(database)) => match database.take_over(&aside, mark.as_ref()) {
                 Ok(TakenOver {
@@ -163,8 +163,8 @@ impl JournalStore {
                         // The audit of this run continues under its own numbers.
                         database.count_audit_from(self.audit_base.unwrap_or_default());
                     }
-                    told += &format!("; {rows} rows recovered");
-                    told += &lost
+                    text += &format!("; {rows} rows recovered");
+                    text += &lost
                         .iter()
                         .map(|lost| format!("; lost: {lost}"))
                         .collect::<String>();
@@ -181,7 +181,7 @@ impl JournalStore {
             // It is retried, and the reason is logged then.
             _ => self.database = None,
         }
-        self.notes.push(row::begun_anew(now, &told, Some(&lies_at)));
+        self.notes.push(row::begun_anew(now, &text, Some(&lies_at)));
         Ok(aside)
     }
 

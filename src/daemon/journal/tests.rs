@@ -172,20 +172,20 @@ impl Rig {
     /// The events that the MQTT side receives, until there are `count`.
     fn events(&self, count: usize) -> (Vec<StoredEvent>, bool) {
         let mut batch = Vec::new();
-        let mut told = Vec::new();
+        let mut received = Vec::new();
         let mut last = false;
-        until("the events are told", || {
+        until("the events are received", || {
             self.sides.mqtt.as_ref().unwrap().take(&mut batch);
             for news in batch.drain(..) {
                 let LineNews::Events { events, more } = news else {
                     panic!("{news:?}")
                 };
-                told.extend(events);
+                received.extend(events);
                 last = more;
             }
-            (told.len() >= count).then_some(())
+            (received.len() >= count).then_some(())
         });
-        (told, last)
+        (received, last)
     }
 
     /// Leaves it as a kill would: nothing is closed, and the file is not touched any more.
@@ -241,7 +241,7 @@ fn a_trip_outlives_a_kill_once_and_its_number_goes_on() {
     assert_eq!(rig.memory.get(&name()), None);
     let row = rig.trip(1);
     rig.wait_for(row);
-    let told = until("the line is told", || {
+    let kept = until("the line is notified", || {
         let mut batch = Vec::new();
         rig.inbox.take(&mut batch);
         batch.into_iter().find_map(|message| {
@@ -252,7 +252,7 @@ fn a_trip_outlives_a_kill_once_and_its_number_goes_on() {
             }
         })
     });
-    assert_eq!(told, row);
+    assert_eq!(kept, row);
     rig.north.want_events(0);
     let (events, more) = rig.events(1);
     assert_eq!(
@@ -291,14 +291,14 @@ fn a_trip_outlives_a_kill_once_and_its_number_goes_on() {
     assert_eq!(
         rig.events(1).0,
         [again[1].clone()],
-        "what was taken is not told again"
+        "what was taken is not sent again"
     );
     rig.north.want_events(2);
     rig.trip(3);
     assert_eq!(
         rig.events(1).0[0].seq,
         3,
-        "who asks before there is anything is told then"
+        "who asks before there is anything is answered then"
     );
     rig.close();
     assert_eq!(second.rows(JournalTable::Event).len(), 3);
@@ -621,7 +621,7 @@ fn a_flipped_byte_costs_one_row() {
     let rig = Rig::start(&place);
     rig.north.want_events(0);
     let seqs: Vec<_> = rig.events(2).0.into_iter().map(|event| event.seq).collect();
-    assert_eq!(seqs, [1, 3], "a damaged event cannot be told");
+    assert_eq!(seqs, [1, 3], "a damaged event cannot be sent");
     assert_eq!(rig.journal.report().state, JournalState::Ok);
     rig.close();
     assert!(place.aside().is_empty());
@@ -877,7 +877,7 @@ fn a_journal_that_cannot_be_written_keeps_the_newest_and_goes_on_by_itself() {
     });
     assert!(!rig.source.origin().has_kept(row));
     assert!(rig.journal.report().reason.unwrap().contains("locked"));
-    assert_eq!(rig.events(0).0, [], "what is not on the disk is not told");
+    assert_eq!(rig.events(0).0, [], "what is not on the disk is not sent");
     other.execute_batch("COMMIT").unwrap();
     rig.wait_for(row);
     assert_eq!(
@@ -903,10 +903,10 @@ fn a_file_that_is_deleted_while_it_is_open_is_told_and_written_again_with_all_ro
         for file in files {
             std::fs::remove_file(place.0.join(file)).unwrap();
         }
-        let told = until("it is told", || rig.journal.report().replaced);
+        let replaced = until("it is reported", || rig.journal.report().replaced);
         assert!(
-            told.contains("was deleted") && told.contains("all rows"),
-            "{told}"
+            replaced.contains("was deleted") && replaced.contains("all rows"),
+            "{replaced}"
         );
         let row = rig.trip(2);
         rig.wait_for(row);
@@ -952,10 +952,10 @@ fn a_log_that_is_deleted_costs_no_row() {
     assert_eq!(status.report().replaced, None);
     std::fs::remove_file(place.0.join("journal.db-wal")).unwrap();
     store.look();
-    let told = status.report().replaced.unwrap();
+    let replaced = status.report().replaced.unwrap();
     assert!(
-        told.contains("log was deleted") && told.contains("all rows"),
-        "{told}"
+        replaced.contains("log was deleted") && replaced.contains("all rows"),
+        "{replaced}"
     );
     write(&mut store, "2");
     drop(store);
@@ -981,8 +981,8 @@ fn a_file_that_is_replaced_is_told_and_the_new_one_is_continued() {
     rig.wait_for(row);
     // The log of the old one stays, and is not taken for one of the new.
     std::fs::rename(other.file(), place.file()).unwrap();
-    let told = until("it is told", || rig.journal.report().replaced);
-    assert!(told.contains("was replaced"), "{told}");
+    let replaced = until("it is reported", || rig.journal.report().replaced);
+    assert!(replaced.contains("was replaced"), "{replaced}");
     let row = rig.trip(2);
     rig.wait_for(row);
     rig.close();

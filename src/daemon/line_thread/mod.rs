@@ -171,9 +171,9 @@ impl LineHandle {
     /// in use, or with `stops` once all of them may be left. The sender is dropped if the thread has exited.
     #[must_use]
     pub fn leave(&self, stops: bool) -> oneshot::Receiver<Vec<DriveIndex>> {
-        let (tell, told) = oneshot::channel();
+        let (tell, answer) = oneshot::channel();
         self.tell(LineMessage::Leave { stops, tell });
-        told
+        answer
     }
 
     /// The line continues after all.
@@ -267,7 +267,7 @@ fn run(
             is_paced,
             logs_traffic,
             attempts: OpenBackoff::default(),
-            told: LoggedFaults::default(),
+            logged: LoggedFaults::default(),
             round: Vec::new(),
             board,
             ending: None,
@@ -304,7 +304,7 @@ struct LineTask<'a> {
     /// When the port is retried.
     attempts: OpenBackoff,
     /// The faults of the port that were logged.
-    told: LoggedFaults,
+    logged: LoggedFaults,
     /// The messages of this round.
     round: Vec<LineMessage>,
     /// Set at shutdown: until then the thread waits for its stops to take effect.

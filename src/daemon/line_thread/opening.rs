@@ -122,9 +122,9 @@ impl LineTask<'_> {
                 PortlessOutcome::Done(Err(error)) => {
                     let error = opener.explain(&error);
                     self.tell_of_refusal(&error);
-                    let told = format!("cannot open {}: {error}", self.port.settings.address);
+                    let reason = format!("cannot open {}: {error}", self.port.settings.address);
                     self.core
-                        .handle(clock::now(), LineInput::PortRefused(told.into()));
+                        .handle(clock::now(), LineInput::PortRefused(reason.into()));
                     self.act(None)?;
                 }
                 PortlessOutcome::TimeIsUp => {}
@@ -172,7 +172,7 @@ impl LineTask<'_> {
     fn tell_of_refusal(&mut self, error: &str) {
         let line = &self.port.line;
         let port = &self.port.settings.address;
-        if self.told.is_new(error.to_owned()) {
+        if self.logged.is_new(error.to_owned()) {
             tracing::warn!(line, %port, error, "cannot open the port; retrying");
         } else {
             tracing::debug!(line, %port, error, "cannot open the port; retrying");
@@ -182,7 +182,7 @@ impl LineTask<'_> {
     fn tell_of_loss(&mut self, fault: LineFault, error: &io::Error) {
         let line = &self.port.line;
         // The same loss appears as several errors.
-        if self.told.is_new(fault.to_string()) {
+        if self.logged.is_new(fault.to_string()) {
             tracing::warn!(line, %fault, %error, "line down");
         } else {
             tracing::debug!(line, %fault, %error, "line down");
@@ -191,7 +191,7 @@ impl LineTask<'_> {
 
     fn tell_of_reopening(&mut self, fault: LineFault) {
         let line = &self.port.line;
-        if self.told.reopened.replace(fault) == Some(fault) {
+        if self.logged.reopened.replace(fault) == Some(fault) {
             tracing::debug!(line, %fault, "reopening the port");
         } else {
             tracing::warn!(line, %fault, "reopening the port; retrying until the line recovers");
@@ -242,28 +242,28 @@ mod tests {
 
     #[test]
     fn each_reason_is_reported_once_until_the_port_proves_good() {
-        let mut told = LoggedFaults::default();
+        let mut logged = LoggedFaults::default();
         for reason in ["gone", "no such file"] {
-            assert!(told.is_new(reason.to_owned()), "{reason}");
+            assert!(logged.is_new(reason.to_owned()), "{reason}");
         }
-        assert!(!told.is_new("gone".to_owned()) && !told.is_empty());
-        told.has_lasted();
-        assert!(told.is_empty() && told.is_new("gone".to_owned()));
+        assert!(!logged.is_new("gone".to_owned()) && !logged.is_empty());
+        logged.has_lasted();
+        assert!(logged.is_empty() && logged.is_new("gone".to_owned()));
         for number in 0..1000 {
-            told.is_new(number.to_string());
+            logged.is_new(number.to_string());
         }
-        assert!(told.reasons.len() <= REASONS_MAX);
+        assert!(logged.reasons.len() <= REASONS_MAX);
     }
 
     #[test]
     fn a_silent_adapter_that_stays_open_is_not_reported_again() {
-        let mut told = LoggedFaults {
+        let mut logged = LoggedFaults {
             reopened: Some(LineFault::Mute),
             ..LoggedFaults::default()
         };
-        told.has_lasted();
-        assert!(!told.is_empty());
-        told.has_answered();
-        assert!(told.is_empty());
+        logged.has_lasted();
+        assert!(!logged.is_empty());
+        logged.has_answered();
+        assert!(logged.is_empty());
     }
 }

@@ -67,7 +67,7 @@ impl LineTask<'_> {
     /// Logs that the line is up, unless a logged fault may still be open.
     pub(super) fn announce(&self, uptime: &mut PortUptime, device: &OpenPort) {
         if uptime.is_announced
-            || !self.told.is_empty()
+            || !self.logged.is_empty()
             || self.core.report().state == LineState::Down
         {
             return;
@@ -91,9 +91,9 @@ impl LineTask<'_> {
         }
         if self.core.counters().replies > uptime.replies {
             uptime.has_answered = true;
-            self.told.has_answered();
+            self.logged.has_answered();
         } else if !uptime.is_announced && uptime.has_lasted(clock::now()) {
-            self.told.has_lasted();
+            self.logged.has_lasted();
         }
         self.announce(uptime, device);
     }

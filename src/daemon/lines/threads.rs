@@ -132,9 +132,9 @@ impl LineThreads {
             .collect();
         let until = Instant::now() + if stops { STOPS_WITHIN } else { SAYS_WITHIN };
         let mut names = Vec::new();
-        for (handle, told) in asked {
+        for (handle, answer) in asked {
             let drives = &handle.line().drives;
-            match timeout_at(until, told).await {
+            match timeout_at(until, answer).await {
                 Ok(Ok(places)) => {
                     let named = places.iter().filter_map(|place| drives.get(place.get()));
                     names.extend(named.map(|drive| drive.description.name.to_string()));

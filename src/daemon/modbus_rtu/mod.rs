@@ -160,7 +160,7 @@ async fn open_and_serve(port: &PortSettings, task: &mut ServingTask) {
     let mut ended = pin!(ends.closed());
     let mut opener = PortOpener::new(port);
     let mut attempts = OpenBackoff::default();
-    let mut told = String::new();
+    let mut logged = String::new();
     let master = task.settings.name;
     loop {
         let opened = tokio::select! {
@@ -183,16 +183,16 @@ async fn open_and_serve(port: &PortSettings, task: &mut ServingTask) {
                 }
                 if has_heard {
                     attempts = OpenBackoff::default();
-                    told.clear();
+                    logged.clear();
                 }
             }
             Err(error) => {
                 let error = opener.explain(&error);
-                if told == error {
+                if logged == error {
                     tracing::debug!(%master, port = %port.address, error, "cannot open the port; retrying");
                 } else {
                     tracing::warn!(%master, port = %port.address, error, "cannot open the port; retrying");
-                    told = error;
+                    logged = error;
                 }
             }
         }

@@ -37,7 +37,7 @@ impl ModbusServer {
                 // The client left while it waited.
                 Err(error) if error.kind() == io::ErrorKind::ConnectionAborted => {}
                 Err(error) => {
-                    self.told
+                    self.log
                         .say(&format!("cannot accept a connection: {error}"));
                     sleep(ACCEPT_PAUSE).await;
                 }
@@ -121,7 +121,7 @@ impl ModbusServer {
 
     fn shake_failed(&self, peer: SocketAddr, reason: &str) {
         self.totals.handshake_failed();
-        self.told
+        self.log
             .say(&format!("TLS handshake with {peer} failed: {reason}"));
     }
 
@@ -133,7 +133,7 @@ impl ModbusServer {
         listener: &Rc<ModbusListener>,
         error: &io::Error,
     ) {
-        self.told.say(&format!(
+        self.log.say(&format!(
             "cannot accept a connection; closing the client that was silent longest: {error}"
         ));
         if self.spare.release() {
@@ -169,7 +169,7 @@ impl ModbusServer {
 
     fn refuse(&self, peer: SocketAddr, why: &str) {
         self.totals.refused();
-        self.told.say(&format!("refused {peer}: {why}"));
+        self.log.say(&format!("refused {peer}: {why}"));
     }
 }
 

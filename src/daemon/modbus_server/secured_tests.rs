@@ -165,7 +165,7 @@ impl Secured {
             stream.read(&mut [0]).await
         };
         let (reason, client) = tokio::join!(gateway, client);
-        assert!(client.is_err(), "the client is told: {client:?}");
+        assert!(client.is_err(), "the client is notified: {client:?}");
         reason
     }
 }
@@ -425,10 +425,10 @@ fn what_is_no_tls_is_closed() {
     play(async |secured: Secured| {
         let mut plain = TcpStream::connect(secured.plant.address).await.unwrap();
         send(&mut plain, &[(1, 101, &READ)]).await;
-        let mut told = Vec::new();
+        let mut answer = Vec::new();
         // An alert may arrive before the end; an answer does not.
-        let _ = plain.read_to_end(&mut told).await;
-        assert!(told.len() < 9, "{told:?}");
+        let _ = plain.read_to_end(&mut answer).await;
+        assert!(answer.len() < 9, "{answer:?}");
         assert_eq!(secured.totals.handshakes_failed(), 1);
     });
 }
@@ -489,14 +489,14 @@ fn a_request_right_after_the_handshake_is_answered() {
             session.read_tls(&mut &buffer[..read]).unwrap();
             session.process_new_packets().unwrap();
         }
-        let mut told = [0; 11];
-        while session.reader().read(&mut told).is_err() {
+        let mut reply = [0; 11];
+        while session.reader().read(&mut reply).is_err() {
             let read = stream.read(&mut buffer).await.unwrap();
             assert!(read > 0);
             session.read_tls(&mut &buffer[..read]).unwrap();
             session.process_new_packets().unwrap();
         }
-        assert_eq!(told, [0, 7, 0, 0, 0, 5, 101, 3, 2, 0, 1]);
+        assert_eq!(reply, [0, 7, 0, 0, 0, 5, 101, 3, 2, 0, 1]);
     });
 }
 

@@ -104,14 +104,14 @@ mod tests {
     fn a_driver_without_rs485_is_reported_with_the_call_and_what_would_be_right() {
         let pty = Pty::new().unwrap();
         let port = std::fs::File::open(pty.path()).unwrap();
-        let told = turn_direction(port.as_fd()).unwrap_err();
+        let reason = turn_direction(port.as_fd()).unwrap_err();
         for part in [
             "TIOCSRS485",
             "does not support it",
             "\"adapter\"",
             "\"rts\"",
         ] {
-            assert!(told.contains(part), "{told}");
+            assert!(reason.contains(part), "{reason}");
         }
     }
 
@@ -131,10 +131,10 @@ mod tests {
     #[test]
     fn an_adapter_that_holds_bytes_back_is_reported_with_what_to_do() {
         let file = Path::new("/sys/class/tty/ttyUSB0/device/latency_timer");
-        let told = latency_text("16\n", file).unwrap();
+        let text = latency_text("16\n", file).unwrap();
         assert!(
-            told.contains("16 ms") && told.contains("write 1 to /sys/class/tty/ttyUSB0/device"),
-            "{told}"
+            text.contains("16 ms") && text.contains("write 1 to /sys/class/tty/ttyUSB0/device"),
+            "{text}"
         );
         assert_eq!(latency_text("1\n", file), None);
         assert_eq!(latency_text("", file), None);

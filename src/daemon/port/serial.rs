@@ -284,18 +284,18 @@ mod tests {
         let link = std::env::temp_dir().join(format!("vfd-port-{}", std::process::id()));
         pty.link_as(&link).unwrap();
         let first = opened(pty.path(), |_| {}).unwrap();
-        let told = opened(&link, |it| it.line = "hall-2".to_owned()).unwrap_err();
+        let error = opened(&link, |it| it.line = "hall-2".to_owned()).unwrap_err();
         assert!(
-            matches!(told, OpenError::Taken(_))
-                && told.to_string().contains("line hall-1 of this gateway"),
-            "{told}"
+            matches!(error, OpenError::Taken(_))
+                && error.to_string().contains("line hall-1 of this gateway"),
+            "{error}"
         );
         // Without a directory for lock files the system refuses.
-        let told = opened(&link, |it| {
+        let error = opened(&link, |it| {
             it.lock_dirs = vec![PathBuf::from("/nonexistent")]
         })
         .unwrap_err();
-        assert!(matches!(told, OpenError::Refused(_)), "{told}");
+        assert!(matches!(error, OpenError::Refused(_)), "{error}");
         drop(first);
         assert!(opened(&link, |_| {}).is_ok());
     }
@@ -307,9 +307,9 @@ mod tests {
             (DirectionControl::Kernel, "TIOCSRS485"),
             (DirectionControl::Rts, "TIOCMBIC"),
         ] {
-            let told = opened(pty.path(), |it| it.direction = direction).unwrap_err();
-            let text = told.to_string();
-            assert!(matches!(told, OpenError::Direction(_)), "{text}");
+            let error = opened(pty.path(), |it| it.direction = direction).unwrap_err();
+            let text = error.to_string();
+            assert!(matches!(error, OpenError::Direction(_)), "{text}");
             assert!(
                 text.contains(call) && text.contains("\"adapter\""),
                 "{text}"

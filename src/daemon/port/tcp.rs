@@ -238,18 +238,18 @@ mod tests {
             .local_addr()
             .unwrap()
             .port();
-        let told = opened("127.0.0.1", port).await.unwrap_err().to_string();
+        let error = opened("127.0.0.1", port).await.unwrap_err().to_string();
         assert!(
-            told.contains(&format!("127.0.0.1:{port}: ")) && told.contains("refused"),
-            "{told}"
+            error.contains(&format!("127.0.0.1:{port}: ")) && error.contains("refused"),
+            "{error}"
         );
-        let told = opened("no-such-host.invalid", port)
+        let error = opened("no-such-host.invalid", port)
             .await
             .unwrap_err()
             .to_string();
         assert!(
-            told.contains("the name no-such-host.invalid is not found"),
-            "{told}"
+            error.contains("the name no-such-host.invalid is not found"),
+            "{error}"
         );
     }
 }

@@ -294,7 +294,7 @@ impl<'a> StationJudgement<'a> {
     }
 
     /// Whether the best one has shown enough.
-    pub fn is_told(&self) -> bool {
+    pub fn is_determined(&self) -> bool {
         self.left
             .first()
             .is_some_and(|(suspect, it)| it.answered >= TELLING.min(suspect.words.len()))

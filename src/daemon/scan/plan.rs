@@ -128,13 +128,13 @@ impl ScanPlan {
             .map(|setting| setting.when_silent(stations))
             .sum::<Duration>()
             + LISTEN;
-        let told = self
+        let determined = self
             .settings
             .iter()
-            .map(ScanSetting::when_told_apart)
+            .map(ScanSetting::when_determined)
             .max()
             .unwrap_or_default();
-        (silent, told * stations)
+        (silent, determined * stations)
     }
 }
 
@@ -271,13 +271,13 @@ impl ScanSetting {
     }
 
     /// Time to determine the model of one station that answers, with all silences that this may cost.
-    fn when_told_apart(&self) -> Duration {
-        let is_told_by_silence = self
+    fn when_determined(&self) -> Duration {
+        let is_determined_by_silence = self
             .candidates
             .iter()
             .any(|model| model.exceptions.is_empty());
         let silence = self.exchange(self.timeout) + self.lateness + self.exchange(ANSWERS_WITHIN);
-        let silences = if is_told_by_silence {
+        let silences = if is_determined_by_silence {
             silence * (SILENCES_MAX + 1)
         } else {
             Duration::ZERO

@@ -242,7 +242,7 @@ async fn identify(
         judgement = StationJudgement::new(&suspects, &look.evidence);
         reads += 1;
     }
-    let is_open = !judgement.is_told();
+    let is_open = !judgement.is_determined();
     let fits = judgement.fits(&look.evidence);
     Ok(ModelVerdict {
         fits,

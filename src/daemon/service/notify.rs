@@ -48,7 +48,7 @@ pub fn stopping() {
 pub async fn watch(current: CurrentPlant) {
     let granted = sd_notify::watchdog_enabled().filter(|time| !time.is_zero());
     let mut pulse = LinePulse::default();
-    let mut told = String::new();
+    let mut sent = String::new();
     let mut beat = Instant::now();
     let mut look = Instant::now();
     loop {
@@ -68,9 +68,9 @@ pub async fn watch(current: CurrentPlant) {
         if now >= look {
             look = now + STATUS_EVERY;
             let status = status(&current);
-            if status != told {
+            if status != sent {
                 say(&[NotifyState::Status(&status)]);
-                told = status;
+                sent = status;
             }
         }
         sleep_until(beat.min(look)).await;

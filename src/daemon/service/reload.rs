@@ -136,21 +136,18 @@ impl RunningGateway {
             return Err(ReloadRefusal::NeedsRestart(change.needs_restart));
         }
         let prepared = self.prepare(&new, &change).await?;
-        let mut told = change.notes.clone();
+        let mut changes = change.notes.clone();
         if !self.north.talks_as(prepared.broker_side.as_ref())
-            && told.iter().all(|it| it.part != ConfigPart::Mqtt)
+            && changes.iter().all(|it| it.part != ConfigPart::Mqtt)
         {
-            told.push(ChangeNote::mqtt_changed());
+            changes.push(ChangeNote::mqtt_changed());
         }
         let ending = self.numbers(&change);
         self.hand_over(&ending).await;
         self.have_leave(&ending, new.gateway.on_removal).await?;
         let warnings = new.warnings.clone();
         self.switch(new, &change, &ending, prepared).await;
-        Ok(AppliedReload {
-            changes: told,
-            warnings,
-        })
+        Ok(AppliedReload { changes, warnings })
     }
 
     async fn prepare(

@@ -45,7 +45,7 @@ impl KeptTrends {
             file: file.clone(),
             store: None,
             opened: None,
-            is_told: false,
+            is_failure_logged: false,
         };
         std::thread::Builder::new()
             .name("trends".to_owned())
@@ -78,15 +78,15 @@ struct TrendWriter {
     /// The file that is open.
     opened: Option<FileIdentity>,
     /// The log says that nothing is kept.
-    is_told: bool,
+    is_failure_logged: bool,
 }
 
 impl TrendWriter {
     fn run(mut self, waiting: &Receiver<Vec<TrendMinute>>) {
         while let Ok(minutes) = waiting.recv() {
             match self.write(&minutes) {
-                Ok(()) if self.is_told => {
-                    self.is_told = false;
+                Ok(()) if self.is_failure_logged => {
+                    self.is_failure_logged = false;
                     tracing::info!(file = %self.file.display(), "trends are kept again");
                 }
                 Ok(()) => {}
@@ -121,10 +121,10 @@ impl TrendWriter {
                     tracing::error!(%error, %aside, %file, "trends are damaged and cannot be moved aside")
                 }
             }
-        } else if !self.is_told {
+        } else if !self.is_failure_logged {
             tracing::warn!(%error, %file, "trends cannot be kept; trying again every minute");
         }
-        self.is_told = true;
+        self.is_failure_logged = true;
     }
 }
 

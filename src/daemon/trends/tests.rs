@@ -135,7 +135,7 @@ fn a_file_that_is_deleted_while_it_is_open_starts_again() {
         file: file.clone(),
         store: None,
         opened: None,
-        is_told: false,
+        is_failure_logged: false,
     };
     writer.write(&[minute("pump-1", 86_400, 10.0)]).unwrap();
     for part in ["", "-wal", "-shm"] {

@@ -84,7 +84,7 @@ pub(super) async fn command(
                 }
                 None => (execute(&control, who, drive, &wish).await, wish.beside),
             };
-            json(&told_with(drive, report, message)).into_response()
+            json(&outcome_with(drive, report, message)).into_response()
         }
         Err(RefusedCommand { reason, message }) => {
             keep(reason);
@@ -278,21 +278,21 @@ fn not_allowed(drive: &SharedDrive) -> Response {
 
 /// The outcome of an order.
 fn outcome_json(drive: &SharedDrive, report: Report) -> Value {
-    let mut told = json!(setup::outcome_at(drive, report, Vec::new()));
-    told["holder"] = report.holder.map(|holder| holder.to_string()).into();
-    told["said"] = shown::said(&drive.description.model, &report).document();
+    let mut outcome = json!(setup::outcome_at(drive, report, Vec::new()));
+    outcome["holder"] = report.holder.map(|holder| holder.to_string()).into();
+    outcome["said"] = shown::said(&drive.description.model, &report).document();
     if report.reason == Reason::BetweenSteps
         && let Some(step) = setpoint_step(&drive.description.model)
     {
         let said = Sentence::new("reason.between_steps_of").with("step", step.to_string());
-        told["message"] = said.to_string().into();
-        told["said"] = said.document();
+        outcome["message"] = said.to_string().into();
+        outcome["said"] = said.document();
     }
-    told
+    outcome
 }
 
 /// The outcome of an order, with what else there is to say.
-fn told_with(drive: &SharedDrive, report: Report, message: Option<String>) -> Value {
+fn outcome_with(drive: &SharedDrive, report: Report, message: Option<String>) -> Value {
     let mut answer = outcome_json(drive, report);
     if let Some(message) = message {
         // What stands beside a stop is more than the reason says.

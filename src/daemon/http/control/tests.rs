@@ -256,7 +256,7 @@ fn orders_go_to_the_line_under_the_name_of_anyone_who_is_signed_in() {
     on_a_runtime(async {
         let house = house_of(&["anna"]);
         let head = house.sign_in("anna").await;
-        let (status, _, told) = house
+        let (status, _, answer) = house
             .ask(
                 "POST",
                 "/api/v1/drives/pump-1/command",
@@ -265,7 +265,7 @@ fn orders_go_to_the_line_under_the_name_of_anyone_who_is_signed_in() {
             )
             .await;
         assert_eq!(
-            (status, &told["drive"], &told["outcome"]),
+            (status, &answer["drive"], &answer["outcome"]),
             (200, &"pump-1".into(), &"confirmed".into())
         );
         let (status, _, _) = house
@@ -273,15 +273,15 @@ fn orders_go_to_the_line_under_the_name_of_anyone_who_is_signed_in() {
             .await;
         assert_eq!(status, 204);
         let body = r#"{"take": true, "run": "forward"}"#;
-        let (_, _, told) = house
+        let (_, _, answer) = house
             .ask("POST", "/api/v1/drives/pump-1/command", &head, body)
             .await;
         assert_eq!(
-            told["holder"], "mqtt",
-            "what cannot be taken is not commanded: {told}"
+            answer["holder"], "mqtt",
+            "what cannot be taken is not commanded: {answer}"
         );
-        let (status, _, told) = house.ask("POST", "/api/v1/stop", &head, "").await;
-        let names: Vec<_> = told["drives"]
+        let (status, _, answer) = house.ask("POST", "/api/v1/stop", &head, "").await;
+        let names: Vec<_> = answer["drives"]
             .as_array()
             .unwrap()
             .iter()
@@ -313,39 +313,39 @@ fn a_stop_is_carried_out_whatever_stands_beside_it() {
             &large,
         ];
         for body in bodies {
-            let (status, _, told) = house
+            let (status, _, answer) = house
                 .ask("POST", "/api/v1/drives/pump-1/command", &head, body)
                 .await;
             assert_eq!(
-                (status, &told["outcome"]),
+                (status, &answer["outcome"]),
                 (200, &"confirmed".into()),
-                "{told}"
+                "{answer}"
             );
             assert!(
-                told["message"]
+                answer["message"]
                     .as_str()
                     .unwrap()
                     .starts_with("the stop was taken all the same: "),
-                "{told}"
+                "{answer}"
             );
             assert_eq!(
                 house.heard.borrow_mut().drain(..).collect::<Vec<_>>(),
                 std::slice::from_ref(&stop),
-                "{told}"
+                "{answer}"
             );
         }
-        let (status, _, told) = house.ask("POST", "/api/v1/stop", &head, &large).await;
+        let (status, _, answer) = house.ask("POST", "/api/v1/stop", &head, &large).await;
         assert_eq!(
-            (status, &told["drives"][0]["outcome"]),
+            (status, &answer["drives"][0]["outcome"]),
             (200, &"confirmed".into()),
-            "{told}"
+            "{answer}"
         );
         assert!(
-            told["message"]
+            answer["message"]
                 .as_str()
                 .unwrap()
                 .contains("an empty body is expected"),
-            "{told}"
+            "{answer}"
         );
         house.heard.borrow_mut().clear();
         let large = format!(r#"{{"run": "forward", "x": "{}"}}"#, "x".repeat(10_000));
@@ -423,25 +423,32 @@ fn of_what_waited_as_a_whole_on_its_way_only_a_stop_is_carried_out() {
                 r#"{"reset": true}"#,
                 r#"{"take": true}"#,
             ] {
-                let (status, _, told) = house
+                let (status, _, answer) = house
                     .ask_as("POST", "/api/v1/drives/pump-1/command", &head, body)
                     .await;
-                let words = (status, &told["outcome"], &told["reason"]);
+                let words = (status, &answer["outcome"], &answer["reason"]);
                 assert_eq!(
                     words,
                     (200, &"refused".into(), &"stale".into()),
-                    "{body}: {told}"
+                    "{body}: {answer}"
                 );
                 assert!(
-                    told["message"].as_str().unwrap().starts_with(text),
-                    "{body}: {told}"
+                    answer["message"].as_str().unwrap().starts_with(text),
+                    "{body}: {answer}"
                 );
             }
-            let (status, _, told) = house
+            let (status, _, answer) = house
                 .ask_as("POST", "/api/v1/drives/pump-1/lease", &head, "{}")
                 .await;
-            assert_eq!((status, &told["reason"]), (409, &"stale".into()), "{told}");
-            assert!(told["error"].as_str().unwrap().starts_with(text), "{told}");
+            assert_eq!(
+                (status, &answer["reason"]),
+                (409, &"stale".into()),
+                "{answer}"
+            );
+            assert!(
+                answer["error"].as_str().unwrap().starts_with(text),
+                "{answer}"
+            );
             assert_eq!(*house.heard.borrow(), [], "{text}");
             for (path, body) in [
                 ("/api/v1/drives/pump-1/command", r#"{"run": "stop"}"#),
@@ -452,11 +459,11 @@ fn of_what_waited_as_a_whole_on_its_way_only_a_stop_is_carried_out() {
                 ),
                 ("/api/v1/stop", ""),
             ] {
-                let (status, _, told) = house.ask_as("POST", path, &head, body).await;
+                let (status, _, answer) = house.ask_as("POST", path, &head, body).await;
                 assert_eq!(
                     (status, house.heard.borrow_mut().drain(..).count()),
                     (200, 1),
-                    "{path} {body}: {told}"
+                    "{path} {body}: {answer}"
                 );
             }
         }
@@ -529,13 +536,13 @@ fn a_role_and_groups_say_what_a_user_may_do_and_a_private_gateway_shows_nothing_
             };
             assert_eq!((status, given), allowed, "{user}");
         }
-        let told = |status, reason: &str, all| (status, reason.to_owned(), all);
+        let outcome = |status, reason: &str, all| (status, reason.to_owned(), all);
         assert_eq!(
             outcomes,
             [
-                told(200, "none", 200),
-                told(403, "not_allowed", 409),
-                told(200, "none", 200)
+                outcome(200, "none", 200),
+                outcome(403, "not_allowed", 409),
+                outcome(200, "none", 200)
             ]
         );
         let carl = house.sign_in("carl").await;
@@ -581,14 +588,14 @@ fn an_order_that_waited_until_control_was_taken_over_has_its_deadline_too() {
         let head = house.sign_in("anna").await;
         house.gives_late.set(true);
         let body = r#"{"take": true, "run": "forward"}"#;
-        let (status, _, told) = house
+        let (status, _, answer) = house
             .ask("POST", "/api/v1/drives/pump-1/command", &head, body)
             .await;
-        let words = (status, &told["outcome"], &told["reason"]);
+        let words = (status, &answer["outcome"], &answer["reason"]);
         assert_eq!(
             words,
             (200, &"expired".into(), &"too_late".into()),
-            "{told}"
+            "{answer}"
         );
         assert_eq!(*house.heard.borrow(), [(owner("anna"), Order::Take)]);
     });
@@ -606,7 +613,7 @@ fn a_session_and_the_events_hand_out_the_moment_that_an_order_names() {
             .await
             .unwrap();
         let mut text = String::new();
-        let told = loop {
+        let alive = loop {
             let mut bytes = [0; 4096];
             let length = events.read(&mut bytes).await.unwrap();
             assert_ne!(length, 0, "{text}");
@@ -619,7 +626,7 @@ fn a_session_and_the_events_hand_out_the_moment_that_an_order_names() {
                 break serde_json::from_str::<Value>(data).unwrap();
             }
         };
-        for moment in [&session["moment"], &told["moment"]] {
+        for moment in [&session["moment"], &alive["moment"]] {
             let moment = moment.as_str().unwrap().as_bytes();
             assert_eq!(
                 house
@@ -844,19 +851,19 @@ fn files_that_cannot_be_used_are_all_reported() {
         cert_file,
         key_file,
     });
-    let told = ClientRequirements::read(&wrong).unwrap_err();
+    let error = ClientRequirements::read(&wrong).unwrap_err();
     for part in [
         "/nonexistent/anna.hash: ",
         "/nonexistent/cert.pem: ",
         "/nonexistent/key.pem: ",
     ] {
-        assert!(told.contains(part), "{told}");
+        assert!(error.contains(part), "{error}");
     }
     wrong.users[0].hash = HashSource::File(file!().into());
     wrong.tls = None;
-    let told = ClientRequirements::read(&wrong).unwrap_err();
+    let error = ClientRequirements::read(&wrong).unwrap_err();
     assert!(
-        told.ends_with("right is what `vfd-gateway password` prints"),
-        "{told}"
+        error.ends_with("right is what `vfd-gateway password` prints"),
+        "{error}"
     );
 }

@@ -69,14 +69,14 @@ impl LastState {
         let drives = source
             .drives()
             .map(|(line, drive, view)| SentDrive::now(source, line, drive, view));
-        let mut told = Self {
+        let mut state = Self {
             gateway: source.gateway(),
             lines: lines(source),
             drives: drives.collect(),
             advice: Vec::new(),
         };
-        told.advice = told.all_advice(source);
-        told
+        state.advice = state.all_advice(source);
+        state
     }
 
     /// Events for what is new; empty if nothing is. The configuration must be the same.
@@ -121,20 +121,20 @@ impl LastState {
     /// What is new of the drives; their trips are added to `events`.
     fn drive_news(&mut self, source: &LiveSource<'_>, events: &mut String) -> DriveNews {
         let mut news = DriveNews::default();
-        for ((line, drive, view), told) in source.drives().zip(&mut self.drives) {
-            let is_same = Arc::ptr_eq(&view, &told.view) && drive.role.get() == told.role;
-            if is_same && source.present.now < told.changes_at {
+        for ((line, drive, view), sent) in source.drives().zip(&mut self.drives) {
+            let is_same = Arc::ptr_eq(&view, &sent.view) && drive.role.get() == sent.role;
+            if is_same && source.present.now < sent.changes_at {
                 continue;
             }
-            for trip in trips::between(&source.present, &drive.description, &told.view, &view) {
+            for trip in trips::between(&source.present, &drive.description, &sent.view, &view) {
                 *events += &event("trip", &trip.to_string());
             }
             let now = SentDrive::now(source, line, drive, view);
-            news.changed.extend(changes(&told.document, &now.document));
+            news.changed.extend(changes(&sent.document, &now.document));
             let name = drive.description.name.as_str().to_owned();
             news.oldest_ms
                 .insert(name, now.document["oldest_ms"].clone());
-            *told = now;
+            *sent = now;
         }
         news
     }
@@ -148,7 +148,7 @@ impl LastState {
         let drives = self
             .drives
             .iter()
-            .flat_map(|told| told.advice.iter().cloned());
+            .flat_map(|drive| drive.advice.iter().cloned());
         ranked(self.gateway.advice().into_iter().chain(lines).chain(drives))
     }
 }

@@ -386,9 +386,9 @@ async fn forget(
 
 fn not_kept(name: &str, error: &str) -> Response {
     tracing::error!(drive = name, error, "cannot keep the result of a trial");
-    let told = OrderOutcomeDocument {
+    let document = OrderOutcomeDocument {
         message: format!("the result cannot be kept: {error}").into(),
         ..outcome(name, Report::refused(Reason::QueueFull))
     };
-    (StatusCode::INTERNAL_SERVER_ERROR, answer(&told)).into_response()
+    (StatusCode::INTERNAL_SERVER_ERROR, answer(&document)).into_response()
 }
