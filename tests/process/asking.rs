@@ -241,16 +241,23 @@ const LEASE: u16 = 258;
 const LEFT: u16 = 18;
 const REASON: u16 = 261;
 
+/// States in word 2.
+const STOPPED: u16 = 1;
+const OFFLINE: u16 = 5;
+const RUNS: u16 = 6;
+
+/// A unit with the words from status to alarms, and with `more`.
+fn shows(status: u16, state: u16, alarms: u16, more: &[(u16, u16)]) -> StandIn {
+    let mut words: Vec<_> = (STATUS..=ALARMS).map(|word| (word, 0)).collect();
+    words.extend([(STATUS, status), (STATUS + 1, state), (ALARMS, alarms)]);
+    words.extend(more);
+    StandIn::new(&words)
+}
+
 #[test]
 fn who_starts_a_drive_renews_its_lease_and_stops_it_at_the_end() {
     for signal in ["TERM", "INT", "HUP"] {
-        let unit = StandIn::new(&[
-            (STATUS, ONLINE),
-            (ALARMS, 0),
-            (RUN, 0),
-            (LEFT, 1),
-            (REASON, 0),
-        ]);
+        let unit = shows(ONLINE, STOPPED, 0, &[(RUN, 0), (LEFT, 1), (REASON, 0)]);
         let mut write = begin("write", unit.address, "101", &["run", "forward"]);
         write.wait_for("that it stays", |line| {
             line.contains("the lease is renewed").then_some(())
@@ -287,13 +294,7 @@ fn who_starts_a_drive_renews_its_lease_and_stops_it_at_the_end() {
 
 #[test]
 fn who_starts_a_drive_once_is_warned() {
-    let unit = StandIn::new(&[
-        (STATUS, ONLINE),
-        (ALARMS, 0),
-        (RUN, 0),
-        (LEFT, 30),
-        (REASON, 0),
-    ]);
+    let unit = shows(ONLINE, STOPPED, 0, &[(RUN, 0), (LEFT, 30), (REASON, 0)]);
     let output = ask("write", unit.address, "101", &["run", "reverse", "--once"]);
     assert_eq!(output.status.code(), Some(0));
     assert!(
@@ -318,11 +319,12 @@ fn who_starts_a_drive_once_is_warned() {
 #[test]
 fn a_stop_without_effect_is_no_success() {
     const PENDING: u16 = 1 << 6;
-    for (status, alarms, words) in [
-        (ONLINE | PENDING, 1, "the drive shows no effect"),
-        (PENDING, 1, "the drive does not answer any more"),
+    for (status, state, alarms, words) in [
+        (ONLINE | PENDING, RUNS, 1, "the drive shows no effect"),
+        (PENDING, OFFLINE, 1, "the drive does not answer any more"),
+        (ONLINE, RUNS, 0, "has been ordered to run again"),
     ] {
-        let unit = StandIn::new(&[(STATUS, status), (ALARMS, alarms), (RUN, 0), (REASON, 0)]);
+        let unit = shows(status, state, alarms, &[(RUN, 0), (REASON, 0)]);
         let stop = ask("write", unit.address, "101", &["run", "stop"]);
         assert_fails(
             &stop,

@@ -150,7 +150,7 @@ fn set_up(drives: usize, is_known: bool) -> Person {
         "nothing is written before it is wanted"
     );
     person.tap("Apply");
-    person.wait_for_step("It is in force", PATIENCE);
+    person.wait_for_step("Applied", PATIENCE);
     let seconds = line_time.as_secs_f64();
     println!(
         "{} taps and {texts} texts; {seconds:.1} s from the scan's begin to its end",
