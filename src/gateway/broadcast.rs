@@ -54,7 +54,7 @@ impl BroadcastStop {
         self.is_in_port = false;
     }
 
-    /// It is handed to the port next.
+    /// Marks the broadcast as sent: its frame is handed to the port next.
     pub const fn is_sent(&mut self) {
         self.is_in_port = true;
     }

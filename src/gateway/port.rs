@@ -53,7 +53,7 @@ impl PortState {
         self.open_error.clone()
     }
 
-    /// It is open; the line cannot be used if there is `trouble`.
+    /// The port was opened. If there is `trouble`, the line still cannot be used.
     pub fn opened(&mut self, trouble: Option<LineFault>) {
         self.state = state_in(trouble);
         self.is_open = true;
@@ -61,7 +61,7 @@ impl PortState {
         self.open_error = None;
     }
 
-    /// It is closed, because of `fault`.
+    /// The port was closed because of `fault`.
     pub const fn gone(&mut self, fault: LineFault) {
         self.state = LineState::Down;
         self.is_open = false;

@@ -511,7 +511,7 @@ impl LineCore {
         }
     }
 
-    /// Takes the `frame` of another master as a stop by somebody else, if it is a stop for drives of this line. Such a frame
+    /// Takes the `frame` of another master as a stop by that master, if it is a stop for drives of this line. Such a frame
     /// comes from a gateway that listens, and ends no role. Returns whether it is one. The reply to a single write repeats it:
     /// a late one to a stop of this gateway is none.
     pub(super) fn hears_stop(&mut self, now: MonoTime, frame: &[u8]) -> bool {

@@ -14,7 +14,7 @@ use std::time::Duration;
 struct Lease {
     owner: Owner,
     until: MonoTime,
-    /// It is from before a restart of the gateway, and its owner is awaited.
+    /// Set for a lease from before a restart of the gateway, whose owner has not been heard since.
     orphan: Option<OrphanLease>,
     /// When its owner was last refused because the drive could not be reached: it is there all the same.
     refused_at: Option<MonoTime>,

@@ -416,7 +416,7 @@ impl DriveGuard {
         self.stop_order(coast)
     }
 
-    /// Another gateway or master of the line stopped the drive at `now`: that is a stop by nobody who has control here.
+    /// Another gateway or master of the line stopped the drive at `now`. No owner of control here ordered this stop.
     pub fn stop_by_another(&mut self, coast: bool, now: MonoTime) -> Option<StopOrder> {
         self.control.as_ref()?;
         let order = self.stop_order(coast)?;

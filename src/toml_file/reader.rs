@@ -178,6 +178,24 @@ impl<'a, 'p> TableReader<'a, 'p> {
         self.read_list(found, kind)
     }
 
+    /// The optional table `key`, read by `read`.
+    pub fn inner<T>(
+        &mut self,
+        key: &'static str,
+        read: impl FnOnce(TableReader<'a, '_>) -> T,
+    ) -> OptionalKey<T> {
+        match self.table(key) {
+            OptionalKey::Absent => OptionalKey::Absent,
+            OptionalKey::Invalid => OptionalKey::Invalid,
+            OptionalKey::Valid(LocatedValue { value, location }) => {
+                OptionalKey::Valid(LocatedValue {
+                    value: read(self.open(value)),
+                    location,
+                })
+            }
+        }
+    }
+
     /// The optional table `key`.
     pub fn table(&mut self, key: &'static str) -> OptionalKey<TomlSection<'a>> {
         #[cfg(test)]

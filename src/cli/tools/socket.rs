@@ -120,7 +120,7 @@ pub async fn ask(
 /// The document that `answer` is.
 ///
 /// # Errors
-/// It is another one, for people.
+/// The answer is no such document, in words for people.
 pub fn document<T: DeserializeOwned>(answer: Value) -> Result<T, String> {
     read_tolerantly(answer).map_err(|error| format!("its answer cannot be understood: {error}"))
 }

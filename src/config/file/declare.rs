@@ -213,7 +213,7 @@ pub fn required_list<'k, T: 'k>(
 
 /// A table, read by `read`.
 pub fn table<'k, T: 'k>(read: fn(TableReader<'_, '_>) -> T) -> KeyForm<'k, OptionalKey<T>> {
-    KeyForm::new("table", move |reader, key| inner(reader, key, read))
+    KeyForm::new("table", move |reader, key| reader.inner(key, read))
 }
 
 /// Tables in double brackets, each read by `read`.
@@ -228,24 +228,8 @@ pub type RegisterValues<T> = OptionalKey<Vec<(String, LocatedValue<T>)>>;
 pub fn of_registers<'k, T: 'k>(kind: ValueKind<'k, T>) -> KeyForm<'k, RegisterValues<T>> {
     let notation = format!("table: polled register = {}", kind.notation());
     KeyForm::new(notation, move |reader, key| {
-        inner(reader, key, |reader| reader.all(&kind))
+        reader.inner(key, |reader| reader.all(&kind))
     })
-}
-
-/// The table `key`, read by `read`.
-pub fn inner<'a, T>(
-    reader: &mut TableReader<'a, '_>,
-    key: &'static str,
-    read: impl FnOnce(TableReader<'a, '_>) -> T,
-) -> OptionalKey<T> {
-    match reader.table(key) {
-        OptionalKey::Absent => OptionalKey::Absent,
-        OptionalKey::Invalid => OptionalKey::Invalid,
-        OptionalKey::Valid(LocatedValue { value, location }) => OptionalKey::Valid(LocatedValue {
-            value: read(reader.open(value)),
-            location,
-        }),
-    }
 }
 
 /// The tables `[[key]]`, each read by `read`.

@@ -29,7 +29,7 @@ use crate::domain::problem::Problem;
 use crate::domain::standby::RANK_MAX;
 use crate::toml_file::values::ValueKind;
 use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader, document};
-use declare::{declare_table, each, inner, list, optional, required};
+use declare::{declare_table, each, list, optional, required};
 use kinds::{absolute_path, minutes, name, seconds};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -95,7 +95,7 @@ impl ConfigFile {
     pub fn read(text: &str, problems: &mut Vec<Problem>) -> Option<Self> {
         let document = document(text, problems)?;
         let mut reader = TableReader::new(document.section(), problems);
-        let gateway = match inner(&mut reader, "gateway", GatewayFile::read) {
+        let gateway = match reader.inner("gateway", GatewayFile::read) {
             OptionalKey::Valid(gateway) => gateway.value,
             OptionalKey::Absent => GatewayFile::default(),
             OptionalKey::Invalid => GatewayFile {
@@ -103,13 +103,13 @@ impl ConfigFile {
                 ..GatewayFile::default()
             },
         };
-        let journal = inner(&mut reader, "journal", JournalFile::read);
-        let standby = inner(&mut reader, "standby", StandbyFile::read);
+        let journal = reader.inner("journal", JournalFile::read);
+        let standby = reader.inner("standby", StandbyFile::read);
         let lines = each(&mut reader, "line", LineFile::read);
-        let mqtt = inner(&mut reader, "mqtt", MqttFile::read);
+        let mqtt = reader.inner("mqtt", MqttFile::read);
         let listeners = each(&mut reader, "modbus_tcp", ListenerFile::read);
         let serial = each(&mut reader, "modbus_rtu", SerialFile::read);
-        let http = inner(&mut reader, "http", HttpFile::read);
+        let http = reader.inner("http", HttpFile::read);
         // A gateway that is set up in the page begins without a line.
         if lines.is_empty() && !http.valid().is_some_and(|http| http.value.sets_up()) {
             let missing = reader.location().missing("line");
@@ -142,7 +142,7 @@ pub(super) fn gateway(text: &str) -> Option<GatewayFile> {
     let mut problems = Vec::new();
     let document = document(text, &mut problems)?;
     let mut reader = TableReader::new(document.section(), &mut problems);
-    match inner(&mut reader, "gateway", GatewayFile::read) {
+    match reader.inner("gateway", GatewayFile::read) {
         OptionalKey::Valid(gateway) => Some(gateway.value),
         _ => None,
     }

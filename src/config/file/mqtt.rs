@@ -3,7 +3,7 @@
 use super::super::broker::{self, BrokerAddress};
 use super::super::words::{COMBINED, LEASES, TREES, of_lease};
 use super::declare::{
-    KeyForm, RefusedKey, declare_table, inner, list, list_of_words, optional, required, table,
+    KeyForm, RefusedKey, declare_table, list, list_of_words, optional, required, table,
 };
 use super::kinds::{absolute_path, hours, minutes, ms, seconds};
 use crate::north::broker::{MqttVersion, Qos};
@@ -133,7 +133,7 @@ fn home_assistant() -> KeyForm<'static, OptionalKey<HomeAssistantFile>> {
     let notation = "{ discovery = true or false, prefix = levels of a topic, devices = true or false, \
                     combined = [\"switch\", \"fan\"], page = URL }";
     KeyForm::new(notation, |reader, key| {
-        inner(reader, key, HomeAssistantFile::read)
+        reader.inner(key, HomeAssistantFile::read)
     })
 }
 

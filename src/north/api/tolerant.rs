@@ -10,7 +10,7 @@ type IsValid<'t> = &'t mut dyn FnMut(&Value) -> bool;
 /// nothing else of the document.
 ///
 /// # Errors
-/// It is none, even without such values.
+/// What remains without such values is no `T` either.
 pub fn read_tolerantly<T: DeserializeOwned>(sent: Value) -> Result<T, serde_json::Error> {
     match T::deserialize(&sent) {
         Ok(read) => Ok(read),

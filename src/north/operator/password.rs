@@ -28,7 +28,7 @@ pub struct StoredHash {
 /// Why a text is not an acceptable hash.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum UnfitHash {
-    /// It is not of this form. It may be a password in clear text.
+    /// The text is not in the PHC format. It may be a password in clear text.
     #[error("is no hash in the PHC format")]
     NoHash,
     /// It was made in another way.

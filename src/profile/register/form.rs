@@ -90,8 +90,8 @@ impl FormFile {
             word_order: GivenKey(reader.optional("word_order", &ValueKind::one_of(&WORD_ORDERS))),
             mask: GivenKey(reader.optional("mask", &field)),
             exponent_mask: GivenKey(reader.optional("exponent_mask", &field)),
-            full_scale: GivenKey(within(reader, "full_scale", full_scale)),
-            scale_by: GivenKey(within(reader, "scale_by", scale_by)),
+            full_scale: GivenKey(reader.inner("full_scale", full_scale)),
+            scale_by: GivenKey(reader.inner("scale_by", scale_by)),
             plus: reader
                 .tables("plus")
                 .into_iter()
@@ -236,21 +236,6 @@ pub(super) fn steps(reader: &mut TableReader<'_, '_>, key: &'static str) -> Opti
                 location,
             })
         }
-    }
-}
-
-fn within<T>(
-    reader: &mut TableReader<'_, '_>,
-    key: &'static str,
-    read: fn(TableReader<'_, '_>) -> T,
-) -> OptionalKey<T> {
-    match reader.table(key) {
-        OptionalKey::Absent => OptionalKey::Absent,
-        OptionalKey::Invalid => OptionalKey::Invalid,
-        OptionalKey::Valid(LocatedValue { value, location }) => OptionalKey::Valid(LocatedValue {
-            value: read(reader.open(value)),
-            location,
-        }),
     }
 }
 

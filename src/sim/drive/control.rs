@@ -380,8 +380,8 @@ impl SimDrive {
         self.start.show_orders();
     }
 
-    /// Takes `word`, which orders `motion`, if it belongs to a start or is a run word that the drive is not ready for; false if
-    /// it is an order.
+    /// Takes `word`, which orders `motion`, if it belongs to a start or is a run word that the drive is not ready for. Returns
+    /// whether it is one of these; any other word is an order.
     fn take_start(
         &mut self,
         at: MonoTime,
