@@ -20,7 +20,10 @@ def host():
 
 
 def packages(target):
-    """The packages whose code is in a binary for `target`, by name and version; what only builds it is left out."""
+    """The program, and the packages of others whose code is in a binary for `target`, by name and version.
+
+    What only builds it is left out. The crates of this repository are the program.
+    """
     metadata = json.loads(
         said("cargo", "metadata", "--format-version", "1", "--locked", "--filter-platform", target)
     )
@@ -28,7 +31,8 @@ def packages(target):
     edges = ("--edges", "normal,no-proc-macro", "--prefix", "none", "--format", "{p}")
     tree = said("cargo", "tree", "--locked", "--target", target, *edges)
     used = {tuple(line.split(" ")[:2]) for line in tree.splitlines() if line}
-    return [known[name, version.removeprefix("v")] for name, version in sorted(used)]
+    found = (known[name, version.removeprefix("v")] for name, version in sorted(used))
+    return [it for it in found if it["source"] or it["name"] == NAME]
 
 
 def own(target):

@@ -49,7 +49,6 @@ mod simulation;
 mod simulation_tests;
 mod support;
 
-#[cfg(feature = "daemon")]
 #[path = "simulation/accounting.rs"]
 mod accounting;
 #[path = "scenarios/ascii_line.rs"]

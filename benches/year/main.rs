@@ -1,4 +1,4 @@
-//! A simulated line-year, checked at every step: `cargo bench --bench year --no-default-features`. See
+//! A simulated line-year, checked at every step: `cargo bench --bench year`. See
 //! `tests/simulation/mod.rs` for what is simulated and what is checked.
 //!
 //! | argument | meaning, default |

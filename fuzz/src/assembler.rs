@@ -5,11 +5,11 @@
 
 use super::feed::{Feed, chunks};
 use std::ops::Range;
-use vfd_gateway::domain::link::Framing;
-use vfd_gateway::wire::frame::{ExpectedFrame, FoundFrame};
-use vfd_gateway::wire::framing::{self, FrameAssembler};
-use vfd_gateway::wire::rtu::{self, ReplyLength};
-use vfd_gateway::wire::{crc, pdu::function};
+use vfd_model::domain::link::Framing;
+use vfd_model::wire::frame::{ExpectedFrame, FoundFrame};
+use vfd_model::wire::framing::{self, FrameAssembler};
+use vfd_model::wire::rtu::{self, ReplyLength};
+use vfd_model::wire::{crc, pdu::function};
 
 pub fn run(bytes: &[u8]) {
     let mut feed = Feed::new(bytes);

@@ -6,13 +6,11 @@ use super::feed::Feed;
 use super::plant;
 use std::sync::Arc;
 use std::time::Duration;
-use vfd_gateway::domain::ids::Station;
-use vfd_gateway::domain::link::{Framing, LinkSettings};
-use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::sim::{
-    BadRequest, BusOptions, BusPacing, DriveOptions, FaultPlan, SimBus, SimDrive,
-};
-use vfd_gateway::wire::framing::{self, FrameAssembler};
+use vfd_model::domain::ids::Station;
+use vfd_model::domain::link::{Framing, LinkSettings};
+use vfd_model::domain::time::MonoTime;
+use vfd_model::wire::framing::{self, FrameAssembler};
+use vfd_sim::sim::{BadRequest, BusOptions, BusPacing, DriveOptions, FaultPlan, SimBus, SimDrive};
 
 const STATIONS: [u8; 2] = [1, 7];
 /// Longer than any reply is delayed: everything due is sent by then.

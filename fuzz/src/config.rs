@@ -2,7 +2,7 @@
 
 use super::{plant, text};
 use std::collections::BTreeSet;
-use vfd_gateway::config::{self, Config, PortAddress};
+use vfd_config::config::{self, Config, PortAddress};
 
 pub fn run(bytes: &[u8]) {
     let Some(text) = text::of(bytes) else { return };

@@ -9,23 +9,23 @@ use std::collections::{BTreeSet, HashSet};
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
 use std::time::Duration;
-use vfd_gateway::domain::address::DataTable;
-use vfd_gateway::domain::command::{
+use vfd_drive::journal::RememberedDrive;
+use vfd_line::gateway::{DriveSetup, LineCore, LineEffect, LineInput, LineSetup, WakeReason};
+use vfd_line::line::timeouts::ReplyTimeouts;
+use vfd_line::line::timing::LineTiming;
+use vfd_model::domain::address::DataTable;
+use vfd_model::domain::command::{
     CommandRequest, Direction, GoOrder, Order, OrderManner, Origin, Owner, RegisterWrite, Rights,
 };
-use vfd_gateway::domain::frequency::Hertz;
-use vfd_gateway::domain::ids::{AskerId, DriveIndex, Station, Ticket};
-use vfd_gateway::domain::link::{EchoPolicy, Framing, LinkSettings, PortKind};
-use vfd_gateway::domain::native::{NativeAsk, NativeRequest};
-use vfd_gateway::domain::report::{LineFault, LineState};
-use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::gateway::{DriveSetup, LineCore, LineEffect, LineInput, LineSetup, WakeReason};
-use vfd_gateway::journal::RememberedDrive;
-use vfd_gateway::line::timeouts::ReplyTimeouts;
-use vfd_gateway::line::timing::LineTiming;
-use vfd_gateway::profile::model::{Model, RegisterRole};
-use vfd_gateway::wire::framing;
-use vfd_gateway::wire::pdu::{self, Request, function};
+use vfd_model::domain::frequency::Hertz;
+use vfd_model::domain::ids::{AskerId, DriveIndex, Station, Ticket};
+use vfd_model::domain::link::{EchoPolicy, Framing, LinkSettings, PortKind};
+use vfd_model::domain::native::{NativeAsk, NativeRequest};
+use vfd_model::domain::report::{LineFault, LineState};
+use vfd_model::domain::time::MonoTime;
+use vfd_model::profile::model::{Model, RegisterRole};
+use vfd_model::wire::framing;
+use vfd_model::wire::pdu::{self, Request, function};
 
 const DRIVES: u8 = 2;
 const PATIENCE: Duration = Duration::from_secs(2);

@@ -6,22 +6,22 @@ use super::feed::{Feed, chunks};
 use super::plant;
 use std::sync::Arc;
 use std::time::Duration;
-use vfd_gateway::domain::command::{CommandAnswer, Order, Outcome, Owner, Reason, Report};
-use vfd_gateway::domain::ids::{AskerId, DriveIndex, Ticket};
-use vfd_gateway::domain::native::{NativeOutcome, NativeRefusal};
-use vfd_gateway::domain::report::LineReport;
-use vfd_gateway::domain::standby::LineRole;
-use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::drive::description::DriveDescription;
-use vfd_gateway::drive::snapshot::DrivePresence;
-use vfd_gateway::drive::view::{ControlView, DriveView, RunState};
-use vfd_gateway::north::modbus::own::{self, ServedGateway};
-use vfd_gateway::north::modbus::{
+use vfd_drive::drive::description::DriveDescription;
+use vfd_drive::drive::snapshot::DrivePresence;
+use vfd_drive::drive::view::{ControlView, DriveView, RunState};
+use vfd_model::domain::command::{CommandAnswer, Order, Outcome, Owner, Reason, Report};
+use vfd_model::domain::ids::{AskerId, DriveIndex, Ticket};
+use vfd_model::domain::native::{NativeOutcome, NativeRefusal};
+use vfd_model::domain::report::LineReport;
+use vfd_model::domain::standby::LineRole;
+use vfd_model::domain::time::MonoTime;
+use vfd_model::wire::{exception, mbap};
+use vfd_north::north::modbus::own::{self, ServedGateway};
+use vfd_north::north::modbus::{
     CallCommands, ConnectionLimits, EndedCall, ModbusAnswer, ModbusConnection, ModbusRequest,
     ReadBehind, RequestAction, RequestContext, RequestedOrder, UniformUnit, UnitCall, WordBuffer,
     native,
 };
-use vfd_gateway::wire::{exception, mbap};
 
 const NATIVE: u8 = 1;
 const UNIFORM: u8 = 101;

@@ -3,18 +3,18 @@
 use super::{plant, text};
 use std::sync::Arc;
 use std::time::Duration;
-use vfd_gateway::domain::link::{Framing, LinkSettings};
-use vfd_gateway::domain::time::MonoTime;
-use vfd_gateway::drive::plan::{PlaceOnLine, PollPace, PollPlan};
-use vfd_gateway::line::timeouts::ReplyTimeouts;
-use vfd_gateway::line::timing::LineTiming;
-use vfd_gateway::north::modbus::UniformUnit;
-use vfd_gateway::profile::check;
-use vfd_gateway::profile::model::Model;
-use vfd_gateway::profile::scale::{ScaledValue, to_raw};
-use vfd_gateway::profile::summary::summary;
-use vfd_gateway::sim::{DriveOptions, SimDrive};
-use vfd_gateway::wire::pdu::{MAX_PDU_BYTES, Request};
+use vfd_drive::drive::plan::{PlaceOnLine, PollPace, PollPlan};
+use vfd_line::line::timeouts::ReplyTimeouts;
+use vfd_line::line::timing::LineTiming;
+use vfd_model::domain::link::{Framing, LinkSettings};
+use vfd_model::domain::time::MonoTime;
+use vfd_model::profile::check;
+use vfd_model::profile::model::Model;
+use vfd_model::profile::scale::{ScaledValue, to_raw};
+use vfd_model::profile::summary::summary;
+use vfd_model::wire::pdu::{MAX_PDU_BYTES, Request};
+use vfd_north::north::modbus::UniformUnit;
+use vfd_sim::sim::{DriveOptions, SimDrive};
 
 pub fn run(bytes: &[u8]) {
     let Some(text) = text::of(bytes) else { return };

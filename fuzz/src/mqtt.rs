@@ -9,18 +9,18 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
-use vfd_gateway::domain::command::{CommandAnswer, CommandRequest, Order, Outcome, Reason, Report};
-use vfd_gateway::domain::ids::{AskerId, DriveIndex, Ticket};
-use vfd_gateway::domain::native::{NativeAnswer, NativeOutcome};
-use vfd_gateway::domain::report::LineReport;
-use vfd_gateway::domain::time::{MonoTime, WallTime};
-use vfd_gateway::drive::view::{ControlView, DriveView};
-use vfd_gateway::north::broker::{
+use vfd_drive::drive::view::{ControlView, DriveView};
+use vfd_model::domain::command::{CommandAnswer, CommandRequest, Order, Outcome, Reason, Report};
+use vfd_model::domain::ids::{AskerId, DriveIndex, Ticket};
+use vfd_model::domain::native::{NativeAnswer, NativeOutcome};
+use vfd_model::domain::report::LineReport;
+use vfd_model::domain::time::{MonoTime, WallTime};
+use vfd_north::north::broker::{
     BrokerEvent, BrokerLimits, BrokerMessage, BrokerSession, MqttVersion, Publication, Qos,
     SessionAct, SessionLine, ToLine,
 };
-use vfd_gateway::north::clock::ClockMoment;
-use vfd_gateway::north::mqtt::{
+use vfd_north::north::clock::ClockMoment;
+use vfd_north::north::mqtt::{
     CombinedEntity, GatewayIdentity, HomeAssistant, LeaseMode, MqttSession, Settings, TopicTree,
 };
 

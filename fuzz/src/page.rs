@@ -1,11 +1,11 @@
 //! What a browser, or a client that imitates one, sends to the page: bodies, cookies, origins, host names.
 
 use serde_json::{Value, json};
-use vfd_gateway::domain::command::Order;
-use vfd_gateway::north::api::{SignInBody, read_exactly};
-use vfd_gateway::north::command_words::without_mark;
-use vfd_gateway::north::operator::body::parse_command;
-use vfd_gateway::north::operator::request::{is_own_page, key_text, may_be_called, session_id};
+use vfd_model::domain::command::Order;
+use vfd_north::north::api::{SignInBody, read_exactly};
+use vfd_north::north::command_words::without_mark;
+use vfd_north::north::operator::body::parse_command;
+use vfd_north::north::operator::request::{is_own_page, key_text, may_be_called, session_id};
 
 pub fn run(bytes: &[u8]) {
     bodies(bytes);

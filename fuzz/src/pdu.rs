@@ -3,11 +3,11 @@
 //! Input: a piece that is the request's PDU, then the reply's.
 
 use super::feed::Feed;
-use vfd_gateway::domain::address::DataTable;
-use vfd_gateway::north::modbus::{ModbusRequest, parse};
-use vfd_gateway::wire::exception;
-use vfd_gateway::wire::mbap;
-use vfd_gateway::wire::pdu::{MAX_PDU_BYTES, Reply, Request, encode_read_reply, function};
+use vfd_model::domain::address::DataTable;
+use vfd_model::wire::exception;
+use vfd_model::wire::mbap;
+use vfd_model::wire::pdu::{MAX_PDU_BYTES, Reply, Request, encode_read_reply, function};
+use vfd_north::north::modbus::{ModbusRequest, parse};
 
 pub fn run(bytes: &[u8]) {
     let mut feed = Feed::new(bytes);

@@ -2,14 +2,14 @@
 
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
-use vfd_gateway::domain::command::Direction;
-use vfd_gateway::domain::control::{ControlAction, ControlSettings, FailSafe};
-use vfd_gateway::domain::frequency::Hertz;
-use vfd_gateway::domain::ids::{DriveIndex, Name, UnitId};
-use vfd_gateway::drive::description::{DriveDescription, DriveRatings, DriveRef, PointSettings};
-use vfd_gateway::profile::catalog::Catalog;
-use vfd_gateway::profile::model::Model;
-use vfd_gateway::vendors;
+use vfd_drive::drive::description::{DriveDescription, DriveRatings, DriveRef, PointSettings};
+use vfd_model::domain::command::Direction;
+use vfd_model::domain::control::{ControlAction, ControlSettings, FailSafe};
+use vfd_model::domain::frequency::Hertz;
+use vfd_model::domain::ids::{DriveIndex, Name, UnitId};
+use vfd_model::profile::catalog::Catalog;
+use vfd_model::profile::model::Model;
+use vfd_model::vendors;
 
 /// The built-in models.
 pub fn catalog() -> &'static Catalog {
@@ -63,7 +63,7 @@ pub fn drive(model: &Arc<Model>, place: u16, called: &str, has_control: bool) ->
         unit: UnitId::new(1).expect("a unit"),
         uniform_unit: UnitId::new(101).expect("a unit"),
         group: None,
-        pace: vfd_gateway::drive::plan::PollPace::new(Duration::from_millis(500), 1.0),
+        pace: vfd_drive::drive::plan::PollPace::new(Duration::from_millis(500), 1.0),
         ratings: DriveRatings::default(),
         control: has_control.then(|| Arc::new(control())),
         points: PointSettings::default(),

@@ -1,9 +1,9 @@
 //! The body of an order at the gateway's own socket: addresses and nothing else.
 
 use serde_json::{Value, json};
-use vfd_gateway::domain::command::GoOrder;
-use vfd_gateway::north::command_words::without_mark;
-use vfd_gateway::north::setup_body::addresses;
+use vfd_model::domain::command::GoOrder;
+use vfd_north::north::command_words::without_mark;
+use vfd_north::north::setup_body::addresses;
 
 pub fn run(bytes: &[u8]) {
     let Some(addresses) = addresses(bytes) else {

@@ -7,19 +7,19 @@ use super::feed::Feed;
 use super::plant;
 use std::sync::Arc;
 use std::time::Duration;
-use vfd_gateway::domain::command::{CommandAnswer, Order, Outcome, Reason, Report};
-use vfd_gateway::domain::ids::{AskerId, DriveIndex, Ticket};
-use vfd_gateway::domain::report::LineReport;
-use vfd_gateway::domain::time::{MonoTime, WallTime};
-use vfd_gateway::drive::snapshot::DrivePresence;
-use vfd_gateway::drive::view::{ControlView, DriveView};
-use vfd_gateway::north::broker::{
+use vfd_drive::drive::snapshot::DrivePresence;
+use vfd_drive::drive::view::{ControlView, DriveView};
+use vfd_model::domain::command::{CommandAnswer, Order, Outcome, Reason, Report};
+use vfd_model::domain::ids::{AskerId, DriveIndex, Ticket};
+use vfd_model::domain::report::LineReport;
+use vfd_model::domain::time::{MonoTime, WallTime};
+use vfd_north::north::broker::{
     BrokerEvent, BrokerLimits, BrokerMessage, BrokerSession, MqttVersion, Publication, SessionAct,
     SessionLine, ToLine,
 };
-use vfd_gateway::north::clock::ClockMoment;
-use vfd_gateway::north::sparkplug::payload::{PayloadMetric, PayloadValue, SparkplugPayload};
-use vfd_gateway::north::sparkplug::{Settings, SparkplugSession};
+use vfd_north::north::clock::ClockMoment;
+use vfd_north::north::sparkplug::payload::{PayloadMetric, PayloadValue, SparkplugPayload};
+use vfd_north::north::sparkplug::{Settings, SparkplugSession};
 
 const PROBE: &str = "vfd/plant/sparkplug/probe";
 const STATE: &str = "spBv1.0/STATE/scada";

@@ -1,6 +1,6 @@
 //! Properties of every text that people write and of the problems found in it.
 
-use vfd_gateway::domain::problem::Problem;
+use vfd_model::domain::problem::Problem;
 
 /// Longest text that is tried. People write shorter ones, and a longer one would test nothing new.
 const TEXT_MAX_BYTES: usize = 64 * 1024;

@@ -4,12 +4,12 @@ use super::text;
 use std::ops::RangeInclusive;
 use std::path::Path;
 use std::time::Duration;
-use vfd_gateway::domain::frequency::Hertz;
-use vfd_gateway::domain::ids::Name;
-use vfd_gateway::sim::FaultPlan;
-use vfd_gateway::toml_file::values::{ValueKind, duration_text};
-use vfd_gateway::toml_file::words::PARITIES;
-use vfd_gateway::toml_file::{OptionalKey, TableReader, document};
+use vfd_model::domain::frequency::Hertz;
+use vfd_model::domain::ids::Name;
+use vfd_model::toml_file::values::{ValueKind, duration_text};
+use vfd_model::toml_file::words::PARITIES;
+use vfd_model::toml_file::{OptionalKey, TableReader, document};
+use vfd_sim::sim::FaultPlan;
 
 const TIMES: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(3600);
 const NUMBERS: RangeInclusive<u8> = 1..=247;

@@ -59,13 +59,19 @@ impl Source {
 
     /// The modules from the crate's root to this file: `["line", "timing"]`.
     pub fn modules(&self) -> Vec<&str> {
-        let path = self.path.trim_start_matches("src/").trim_end_matches(".rs");
-        let modules: Vec<_> = path.split('/').filter(|part| *part != "mod").collect();
-        if modules == ["lib"] {
-            Vec::new()
-        } else {
-            modules
-        }
+        self.folder()
+            .split('/')
+            .skip_while(|part| *part != "src")
+            .skip(1)
+            .collect()
+    }
+
+    /// The folder in which the modules that this file declares stand: `crates/line/src/line/timing`.
+    pub fn folder(&self) -> &str {
+        let path = self.path.trim_end_matches(".rs");
+        path.strip_suffix("/mod")
+            .or_else(|| path.strip_suffix("/lib"))
+            .unwrap_or(path)
     }
 
     pub fn room(&self) -> &str {

@@ -171,7 +171,6 @@ fn those_who_wait_for_one_stop_are_bounded_and_the_stop_goes_all_the_same() {
 }
 
 /// Every queue from a socket to the wire is in the tables of `docs/design/bounds.md`, with its bound.
-#[cfg(feature = "daemon")]
 #[test]
 fn the_table_of_bounds_names_every_queue_as_it_is() {
     use vfd_gateway::daemon::exchange::inbox;

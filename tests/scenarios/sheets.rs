@@ -100,7 +100,7 @@ fn a_row_that_differs_has_a_reason() {
     assert!(failure(|| drop(open_rows(&twice.repeat(2)))).is_some());
 }
 
-/// The reviewed ones were typed a second time in `src/vendors/tests`.
+/// The reviewed ones were typed a second time in `crates/model/src/vendors/tests`.
 #[test]
 fn every_model_has_a_sheet() {
     let sheets: BTreeSet<_> = sheets().into_iter().map(|sheet| sheet.id).collect();

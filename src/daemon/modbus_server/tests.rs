@@ -61,7 +61,7 @@ fn settings() -> ControlSettings {
         directions: vec![crate::domain::command::Direction::Forward],
         lost_after: Duration::from_secs(30),
         native_write: Vec::new(),
-        ..crate::drive::testing::control()
+        ..crate::vendors::testing::control()
     }
 }
 

@@ -322,7 +322,7 @@ mod tests {
 
     #[test]
     fn a_watchdog_that_acts_before_is_warned_about() {
-        let e510 = include_str!("../../../vendors/teco/e510.toml");
+        let e510 = include_str!("../../../../crates/model/src/vendors/teco/e510.toml");
         let e510 = e510
             .replace("\"program\"", "\"manual\"")
             .replace("\"commissioning-sheet\"", "\"manual\"");

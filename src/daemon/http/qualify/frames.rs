@@ -98,7 +98,7 @@ fn shown(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drive::testing::{control, model};
+    use crate::vendors::testing::{control, model};
 
     const AT: (Station, Framing) = (Station(1), Framing::Rtu);
 
