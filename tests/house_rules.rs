@@ -528,7 +528,10 @@ fn no_vendor_is_named_outside_its_room() {
         "",
     );
     assert_eq!(
-        rule(&Source::new("crates/model/src/vendors/mod.rs", "// Toshiba")),
+        rule(&Source::new(
+            "crates/model/src/vendors/mod.rs",
+            "// Toshiba"
+        )),
         [""; 0]
     );
     assert_holds(rule);
@@ -557,7 +560,11 @@ fn unsafe_is_in_one_file() {
         .iter()
         .flat_map(|it| read(it))
         .collect();
-    assert!(others.len() > 100, "{} files beside the program", others.len());
+    assert!(
+        others.len() > 100,
+        "{} files beside the program",
+        others.len()
+    );
     let wrong: Vec<_> = others.iter().flat_map(rule).collect();
     assert_eq!(wrong, [""; 0]);
 }

@@ -6,4 +6,6 @@ pub mod drive;
 pub mod guard;
 pub mod journal;
 
+#[cfg(test)]
+use vfd_model::vendors;
 use vfd_model::{domain, profile, wire};

@@ -6,4 +6,6 @@ pub mod gateway;
 pub mod line;
 
 use vfd_drive::{drive, guard, journal};
+#[cfg(test)]
+use vfd_model::vendors;
 use vfd_model::{domain, profile, wire};

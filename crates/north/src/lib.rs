@@ -5,4 +5,6 @@
 pub mod north;
 
 use vfd_drive::{drive, guard, journal};
+#[cfg(test)]
+use vfd_model::vendors;
 use vfd_model::{domain, profile, toml_file, wire};

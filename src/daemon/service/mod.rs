@@ -10,4 +10,3 @@ pub mod reload;
 pub mod run;
 pub mod signals;
 pub mod start_error;
-// touched 16971

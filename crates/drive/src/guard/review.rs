@@ -392,4 +392,3 @@ fn may_stop(origin: Origin) -> Result<(), Report> {
         Err(refused(Reason::NotAllowed))
     }
 }
-// touched 12533

@@ -2,6 +2,7 @@
 
 use super::check;
 use crate::domain::problem::Problem;
+pub(super) use crate::vendors::testing::MODEL;
 
 /// A model file with one of every possible item.
 pub(super) const EVERYTHING: &str = include_str!("../../../../tests/golden/models/everything.toml");
