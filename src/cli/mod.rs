@@ -14,6 +14,7 @@ use commands::{
 };
 use std::process::ExitCode;
 use tools::log;
+use tracing::Level;
 
 /// Bridges variable-frequency drives on serial lines to Modbus TCP and MQTT.
 ///
@@ -113,15 +114,15 @@ enum CliCommand {
 
 impl CliCommand {
     /// The default log level. A tool prints its results itself.
-    const fn log_level(&self) -> &'static str {
+    const fn log_level(&self) -> Level {
         match self {
             // What `models new` runs is simulated: only what goes wrong is of interest.
-            Self::Scan(_) | Self::Init(_) | Self::Models(_) => "error",
-            Self::Params(_) => "warn",
-            Self::Read(args) if args.is_straight() => "warn",
-            Self::Write(args) if args.is_straight() => "warn",
-            Self::Watch(args) if args.is_straight() => "error",
-            _ => "info",
+            Self::Scan(_) | Self::Init(_) | Self::Models(_) => Level::ERROR,
+            Self::Params(_) => Level::WARN,
+            Self::Read(args) if args.is_straight() => Level::WARN,
+            Self::Write(args) if args.is_straight() => Level::WARN,
+            Self::Watch(args) if args.is_straight() => Level::ERROR,
+            _ => Level::INFO,
         }
     }
 }

@@ -2,8 +2,12 @@
 
 use crate::daemon::host::recent_log;
 use std::io::{self, IsTerminal, Write};
+use tracing::Level;
 use tracing_appender::non_blocking::{NonBlockingBuilder, WorkerGuard};
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::Layer;
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
 
 /// Most lines that wait to be written. Room for all of them is allocated at the start, 32 bytes each: the library's
 /// default would be the largest piece of memory of the whole program.
@@ -18,26 +22,30 @@ pub enum LogFormat {
     Json,
 }
 
-/// Starts logging. `RUST_LOG` selects what is logged; without it everything from `level` on. The returned guard writes
-/// the last lines when it is dropped.
+/// Starts logging. `RUST_LOG` selects what is logged, as levels of targets (`info,vfd_gateway=trace`); without it, or if it
+/// is anything else, everything from `level` on. The returned guard writes the last lines when it is dropped.
 ///
 /// A separate thread writes, so that logging never waits for a reader: lines beyond what the thread holds are lost.
-pub fn start(format: LogFormat, level: &str) -> WorkerGuard {
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
+pub fn start(format: LogFormat, level: Level) -> WorkerGuard {
+    let selected = std::env::var("RUST_LOG").ok();
+    let targets: Targets = selected
+        .and_then(|targets| targets.parse().ok())
+        .unwrap_or_else(|| Targets::new().with_default(level));
     let (writer, guard) = NonBlockingBuilder::default()
         .lossy(true)
         .buffered_lines_limit(LINES_MAX)
         .finish(LogOutput);
-    let log = tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(writer);
-    match format {
-        LogFormat::Text => log
+    let lines = tracing_subscriber::fmt::layer().with_writer(writer);
+    let lines = match format {
+        LogFormat::Text => lines
             .with_ansi(io::stderr().is_terminal())
             .with_target(false)
-            .init(),
-        LogFormat::Json => log.json().init(),
-    }
+            .boxed(),
+        LogFormat::Json => lines.json().boxed(),
+    };
+    tracing_subscriber::registry()
+        .with(lines.with_filter(targets))
+        .init();
     guard
 }
 
