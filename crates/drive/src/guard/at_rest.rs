@@ -9,7 +9,8 @@ use crate::domain::command::{
 };
 use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::time::MonoTime;
-use crate::drive::{decode, steps};
+use crate::drive::decode;
+use crate::drive::steps::{self, CommandStep};
 use crate::profile::model::{CommitEffect, CommitWord};
 
 impl DriveGuard {
@@ -97,13 +98,8 @@ impl DriveGuard {
         self.may_change_at_rest(command, facts, now)?;
         let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
         let commit = commit::after_setup(&self.model, &self.interlocks, &control, now)?;
-        let mut steps = steps::of_setup(&self.model, addresses).map_err(no_steps)?;
-        commit::append(&mut steps, commit.as_ref(), &mut self.interlocks, now);
-        Ok(CommandVerdict::Go(self.approve(
-            command,
-            Order::Setup(addresses.to_vec()),
-            steps,
-        )))
+        let steps = steps::of_setup(&self.model, addresses).map_err(no_steps)?;
+        Ok(self.approve_change(command, steps, commit.as_ref(), now))
     }
 
     /// A person at the host restores parameters of the drive, one at a time: at standstill and with nothing ordered, like
@@ -121,17 +117,13 @@ impl DriveGuard {
         let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
         registers::may_be_restored(&self.model, &self.interlocks, go.registers(), &control, now)?;
         self.may_change_at_rest(command, facts, now)?;
-        let mut steps = steps::of_go(&self.model, go, &control, None, self.setpoint.bases())
+        let steps = steps::of_go(&self.model, go, &control, None, self.setpoint.bases())
             .map_err(no_steps)?;
         // What stores them is sent once, after the last one.
         let applies = self.model.commit(CommitEffect::Apply).cloned();
-        commit::append(&mut steps, applies.as_ref(), &mut self.interlocks, now);
+        let verdict = self.approve_change(command, steps, applies.as_ref(), now);
         self.interlocks.approved(&self.model, go.registers(), now);
-        Ok(CommandVerdict::Go(self.approve(
-            command,
-            Order::Go(go.clone()),
-            steps,
-        )))
+        Ok(verdict)
     }
 
     /// A person at the host has restored parameters: they are taken over or stored, once for all of them.
@@ -145,13 +137,7 @@ impl DriveGuard {
         let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
         commit::may_wear(&self.interlocks, word, &control, now)?;
         self.may_change_at_rest(command, facts, now)?;
-        let mut steps = Vec::new();
-        commit::append(&mut steps, Some(word), &mut self.interlocks, now);
-        Ok(CommandVerdict::Go(self.approve(
-            command,
-            command.order.clone(),
-            steps,
-        )))
+        Ok(self.approve_change(command, Vec::new(), Some(word), now))
     }
 
     /// The drive's own watchdog is set like everything that decides when a motor stops: at standstill, with nothing
@@ -169,14 +155,21 @@ impl DriveGuard {
         self.may_change_at_rest(command, facts, now)?;
         let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
         let commit = commit::after_setup(&self.model, &self.interlocks, &control, now)?;
-        let mut steps = steps::of_go(&self.model, go, &control, None, self.setpoint.bases())
+        let steps = steps::of_go(&self.model, go, &control, None, self.setpoint.bases())
             .map_err(no_steps)?;
-        commit::append(&mut steps, commit.as_ref(), &mut self.interlocks, now);
-        Ok(CommandVerdict::Go(self.approve(
-            command,
-            Order::Go(go.clone()),
-            steps,
-        )))
+        Ok(self.approve_change(command, steps, commit.as_ref(), now))
+    }
+
+    /// Approves `steps`, and then what takes over or stores what they write.
+    fn approve_change(
+        &mut self,
+        command: &CommandRequest,
+        mut steps: Vec<CommandStep>,
+        commit: Option<&CommitWord>,
+        now: MonoTime,
+    ) -> CommandVerdict {
+        commit::append(&mut steps, commit, &mut self.interlocks, now);
+        CommandVerdict::Go(self.approve(command, command.order.clone(), steps))
     }
 
     /// The source of commands is changed only at standstill and with nothing ordered.
