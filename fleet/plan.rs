@@ -150,10 +150,9 @@ fn way(
         .filter(|mqtt| mqtt.broker != BrokerSettings::Embedded);
     let mqtt =
         mqtt.ok_or_else(|| CommandFailure::wrong("--broker: the embedded broker serves no fleet"))?;
-    let (connection, _) = build::broker(&mqtt, (&Name::fallback(), None), None, None)
-        .map_err(CommandFailure::wrong)?
-        .mqtt;
-    Ok(connection)
+    let side = build::broker(&mqtt, (&Name::fallback(), None), None, None)
+        .map_err(CommandFailure::wrong)?;
+    Ok(side.mqtt.connection)
 }
 
 /// The same settings, beginning at the node for client `number`.

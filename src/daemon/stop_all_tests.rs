@@ -91,12 +91,10 @@ fn broker_side(config: &Config, dir: &Path) -> BrokerSide {
 #[test]
 fn by_way_of_mqtt() {
     let config = config();
-    let ((_, settings), shared) = (
-        broker_side(&config, &Dir::new()).mqtt,
-        Arc::new(lines::build::shared(&config)),
-    );
+    let mqtt = broker_side(&config, &Dir::new()).mqtt;
+    let shared = Arc::new(lines::build::shared(&config));
     let mut speaker = SessionSpeaker::<MqttSession>::new(
-        settings,
+        (mqtt.gateway, mqtt.settings),
         None,
         sides(&shared),
         Ticket(1),

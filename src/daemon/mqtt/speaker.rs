@@ -118,7 +118,11 @@ impl<S: BrokerSession> SessionSpeaker<S> {
         let line = |(place, line): (usize, &Arc<SharedLine>)| SessionLine {
             name: line.name.clone(),
             report: line.report(),
-            stations: self.shared.stations(place).collect(),
+            stations: if S::SHOWS_STATIONS {
+                self.shared.stations(place).collect()
+            } else {
+                Vec::new()
+            },
         };
         self.lines
             .extend(self.shared.lines.iter().enumerate().map(line));

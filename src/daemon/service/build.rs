@@ -4,7 +4,7 @@ use crate::config::{self, BrokerSettings, Config, MqttSettings, PasswordSource};
 use crate::daemon::host::secret_files;
 use crate::daemon::journal;
 use crate::daemon::mqtt::{BrokerKeeps, BrokerTls, ConnectionSettings, HiddenText, check_tls};
-use crate::daemon::service::conversations::{BrokerSide, SparkplugConversation};
+use crate::daemon::service::conversations::{BrokerSide, MqttConversation, SparkplugConversation};
 use crate::domain::ids::Name;
 use crate::domain::standby::StandbyPair;
 use crate::north::mqtt::GatewayIdentity;
@@ -93,10 +93,12 @@ pub fn broker(
         name: name.clone(),
         standby: standby.cloned(),
     };
-    Ok(BrokerSide {
-        mqtt: (connection, (gateway, mqtt.session.clone())),
-        sparkplug,
-    })
+    let mqtt = MqttConversation {
+        connection,
+        gateway,
+        settings: mqtt.session.clone(),
+    };
+    Ok(BrokerSide { mqtt, sparkplug })
 }
 
 fn tls_settings(tls: &config::TlsSettings) -> BrokerTls {

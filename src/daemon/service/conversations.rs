@@ -26,8 +26,16 @@ const FAREWELL_MAX: Duration = Duration::from_secs(2);
 /// Tickets of one conversation with a broker; more than one can use.
 const TICKETS: u64 = 1 << 40;
 
-/// How the broker is reached, and the gateway with the settings of its session.
-pub type Mqtt = (ConnectionSettings, (GatewayIdentity, Settings));
+/// Connection and session settings for the gateway's own topics.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MqttConversation {
+    /// How the broker is reached.
+    pub connection: ConnectionSettings,
+    /// The gateway, as it names itself.
+    pub gateway: GatewayIdentity,
+    /// The settings of the session.
+    pub settings: Settings,
+}
 
 /// Connection and session settings for Sparkplug, with the directory of the session number.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -44,7 +52,7 @@ pub struct SparkplugConversation {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BrokerSide {
     /// The gateway's own topics.
-    pub mqtt: Mqtt,
+    pub mqtt: MqttConversation,
     /// Sparkplug B; `None` if it is not configured.
     pub sparkplug: Option<SparkplugConversation>,
 }
@@ -56,7 +64,7 @@ pub struct BrokerConversations {
     sides: NorthSides,
     journal: Option<Arc<Journal>>,
     state: Arc<HttpState>,
-    mqtt: Option<RunningConversation<Mqtt>>,
+    mqtt: Option<RunningConversation<MqttConversation>>,
     sparkplug: Option<RunningConversation<SparkplugConversation>>,
     /// How many ranges of tickets were used.
     count: u64,
@@ -111,11 +119,11 @@ impl BrokerConversations {
         }
     }
 
-    fn talk(&mut self, mqtt: Option<Mqtt>) {
+    fn talk(&mut self, mqtt: Option<MqttConversation>) {
         let first_ticket = self.next_ticket();
         let current = self.current.clone();
         let journal = journal::side(self.journal.as_ref(), &self.current);
-        let says = async move |(connection, session): Mqtt, totals, news, stopped| {
+        let says = async move |with: MqttConversation, totals, news, stopped| {
             let changed = Arc::clone(&current.load().changed);
             let sides = SessionSides {
                 current,
@@ -124,13 +132,13 @@ impl BrokerConversations {
                 journal,
             };
             let speaker = SessionSpeaker::<MqttSession>::new(
-                session,
+                (with.gateway, with.settings),
                 None,
                 sides,
                 first_ticket,
                 clock::moment(),
             );
-            speak(connection, speaker, &changed.mqtt, stopped).await;
+            speak(with.connection, speaker, &changed.mqtt, stopped).await;
         };
         self.mqtt = begun_anew(
             self.mqtt.take(),

@@ -63,6 +63,7 @@ impl BrokerSession for SparkplugSession {
     /// tck-id-payloads-ndeath-will-message-publisher-disconnect-mqtt50: NDEATH is published twice, with the same
     /// number.
     const LEAVES_WILL: bool = true;
+    const SHOWS_STATIONS: bool = false;
 
     fn new(
         settings: Settings,
