@@ -3,7 +3,6 @@
 mod awaiting;
 mod read_back;
 mod reset;
-mod silence;
 #[cfg(test)]
 mod tests;
 

@@ -48,31 +48,18 @@ impl ReportWaiter {
     /// A client that wrote to the drive's own registers.
     #[must_use]
     pub const fn of_write(asker: AskerId, ticket: Ticket, drive: DriveIndex) -> Self {
-        let is_native = true;
         Self {
-            asker,
-            ticket,
-            drive,
-            is_native,
-            is_answered: false,
-            number: None,
-            attempt: None,
+            is_native: true,
+            ..Self::of_command(asker, ticket, drive)
         }
     }
 
     /// No client waits: only the end of the attempt is recorded and counted.
     #[must_use]
     pub const fn of_nobody(drive: DriveIndex) -> Self {
-        let asker = AskerId::LOCAL;
-        let ticket = Ticket(0);
         Self {
-            asker,
-            ticket,
-            drive,
-            is_native: true,
             is_answered: true,
-            number: None,
-            attempt: None,
+            ..Self::of_write(AskerId::LOCAL, Ticket(0), drive)
         }
     }
 
