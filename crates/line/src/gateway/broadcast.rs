@@ -3,7 +3,6 @@
 
 use super::drive::LineDrives;
 use super::setup::LineSetup;
-use super::work::DriveWork;
 use crate::domain::ids::Station;
 use crate::domain::time::MonoTime;
 use crate::profile::model::ModelBroadcast;
@@ -38,14 +37,16 @@ impl BroadcastStop {
     /// that was sent without effect so far is repeated anyway.
     pub fn common(&self, drives: &LineDrives, now: MonoTime) -> Option<(u8, Request)> {
         let station = self.station?;
-        let unsent = drives.works().filter_map(DriveWork::unsent_stop);
+        let unsent = drives.works().filter_map(|work| work.latch()?.unsent());
         let stop = unsent.clone().next()?;
         if unsent.count() < MANY {
             return None;
         }
-        let is_common = drives
-            .works()
-            .all(|work| work.stop_frame(now).as_ref() == Some(&stop));
+        let is_common = drives.works().all(|work| {
+            // One that is left to its watchdog is sent nothing.
+            let latch = work.latch().filter(|latch| !latch.is_silent(now));
+            latch.is_some_and(|latch| latch.frame().1 == stop)
+        });
         is_common.then_some((station, stop))
     }
 

@@ -12,6 +12,7 @@ use super::overdue::cut_for_a_stop;
 use super::port::PortState;
 use super::setup::LineSetup;
 use super::share::LineShare;
+use super::stop::StopLatch;
 use super::traffic::TrafficWatch;
 use super::turns::LineTurns;
 use super::work::DriveWork;
@@ -169,8 +170,7 @@ impl LineCore {
             LineInput::Time => self.on_time(now),
         }
         for work in self.drives.works_mut() {
-            work.keep_lease(&mut self.effects);
-            work.keep_reset(&mut self.effects);
+            work.keep_changes(&mut self.effects);
         }
     }
 
@@ -308,7 +308,9 @@ impl LineCore {
     /// Whether a stop waits that has never been sent.
     #[must_use]
     pub fn has_unsent_stop(&self) -> bool {
-        self.drives.works().any(DriveWork::has_new_stop)
+        self.drives
+            .works()
+            .any(|work| work.latch().is_some_and(StopLatch::is_first))
     }
 
     /// The drives that may be commanded and that run, are under control, or still have to be stopped.
@@ -423,7 +425,7 @@ impl LineCore {
     pub fn open_stops(&self) -> impl Iterator<Item = (DriveIndex, bool)> + '_ {
         self.drives
             .iter()
-            .filter_map(|drive| Some((drive.index, drive.work.open_stop()?)))
+            .filter_map(|drive| Some((drive.index, !drive.work.latch()?.is_unsent())))
     }
 
     /// The line's state and counters.
@@ -448,7 +450,7 @@ impl LineCore {
     }
 
     fn waiting(&self) -> LineWaiting {
-        let stops = self.drives.works().filter(|work| work.has_stop()).count();
+        let stops = self.drives.works().filter_map(DriveWork::latch).count();
         let commands = self.drives.works().map(DriveWork::commands_open).sum();
         LineWaiting {
             requests: self.clients.len(),

@@ -133,9 +133,10 @@ impl LineCore {
         }) = &self.flight
             && is_stop(*rank)
         {
-            self.drives[*drive]
-                .work
-                .stop_was_transmitted(now, &mut self.effects);
+            let DriveOnLine {
+                work, deaf_until, ..
+            } = &mut self.drives[*drive];
+            work.stop_was_transmitted(now, *deaf_until, &mut self.effects);
         }
     }
 
@@ -253,7 +254,7 @@ impl LineCore {
         loop {
             let (drive, want) = self.most_urgent(now, last_rank)?;
             let is_new_stop =
-                want.rank == WishRank::FirstStop && self.drives[drive].work.unsent_stop().is_some();
+                want.rank == WishRank::FirstStop && self.drives[drive].work.has_unsent_stop();
             if self.drives[drive]
                 .work
                 .send(want.rank, now, &mut self.effects)

@@ -10,6 +10,7 @@ use crate::domain::address::Address;
 use crate::domain::ids::{DriveIndex, Station};
 use crate::domain::report::LineState;
 use crate::domain::time::MonoTime;
+use crate::drive::description::STALE_PERIODS;
 use crate::drive::doubt::BlankWatch;
 use crate::drive::plan::{PlaceOnLine, PollPace, PollPlan};
 use crate::drive::plausible::RangePlausibility;
@@ -23,9 +24,13 @@ use crate::line::fault::{Fault, consequence};
 use crate::line::station::{MissingReply, StationState};
 use crate::line::timeouts::RequestClass;
 use crate::line::timing::LineTiming;
+use crate::profile::model::PollClass;
 use crate::wire::pdu::Request;
 use std::ops::{Index, IndexMut};
 use std::time::Duration;
+
+/// Another gateway that has not read a drive for less may have met a stop of this one.
+const READ_AT_LEAST: Duration = Duration::from_secs(1);
 
 /// One drive on its line: its setup, what the line knows of it, and its pending work.
 #[derive(Debug)]
@@ -48,6 +53,11 @@ pub(super) struct DriveOnLine {
     orders_taken: u64,
     /// When the last one was taken, or the last write was over.
     ordered_at: MonoTime,
+    /// Up to this moment a stop may not be heard.
+    pub(super) deaf_until: MonoTime,
+    pace: PollPace,
+    /// When another gateway or master last read it.
+    pub(super) overheard_at: Option<MonoTime>,
 }
 
 impl DriveOnLine {
@@ -94,6 +104,9 @@ impl DriveOnLine {
             blank: BlankWatch::default(),
             orders_taken: 0,
             ordered_at: now,
+            deaf_until: MonoTime::ZERO,
+            pace,
+            overheard_at: None,
             setup: setup.clone(),
         }
     }
@@ -135,6 +148,13 @@ impl DriveOnLine {
     pub(super) fn order_heard(&mut self, now: MonoTime) {
         self.ordered_at = now;
         self.work.mark_changed();
+    }
+
+    /// Whether another one reads it, as far as can be heard at `now`.
+    pub(super) fn is_read_by_others(&self, now: MonoTime) -> bool {
+        // A frame of this gateway may have cost the other one an exchange.
+        let limit = (self.pace.period(PollClass::Fast) * STALE_PERIODS).max(READ_AT_LEAST);
+        self.overheard_at.is_some_and(|at| now.since(at) < limit)
     }
 
     pub(super) fn port_opened(&mut self, now: MonoTime) {
@@ -264,7 +284,8 @@ impl DriveOnLine {
             && !is_refused
         {
             self.station.rest_until(now + deaf);
-            self.work.is_deaf_until(now + deaf);
+            // A stop that is sent before is sent again then.
+            self.deaf_until = self.deaf_until.max(now + deaf);
         }
     }
 

@@ -6,6 +6,7 @@ use super::execution::reason_of;
 use super::flight::{ExchangePurpose, OpenFlight, is_stop};
 use super::health::DoneExchange;
 use super::overdue::{learn, learn_late};
+use super::stop::BUSY_REST;
 use crate::domain::ids::{DriveIndex, Station};
 use crate::domain::native::NativeOutcome;
 use crate::domain::time::MonoTime;
@@ -19,9 +20,6 @@ use crate::profile::model::{ExceptionKind, Model, RefusedWrite};
 use crate::wire::pdu::{Reply, Request};
 use crate::wire::{exception, framing};
 use std::time::Duration;
-
-/// How long a drive that is busy is left alone. A stop does not wait for that.
-pub(super) const BUSY_REST: Duration = Duration::from_millis(200);
 
 /// An exchange that is over, and what its end is worth.
 struct Over {
@@ -92,7 +90,7 @@ impl LineCore {
         };
         self.drive_learns(now, &over);
         // A listener does not read, so it does not know whether its adapter echoes; but others show it the effect of its stop.
-        let shown_by_others = self.listens() && self.drives[drive].work.is_read_by_others(now);
+        let shown_by_others = self.listens() && self.drives[drive].is_read_by_others(now);
         let doubt = (over.doubt || proves_nothing) && !shown_by_others;
         let done = self.done(&over);
         self.hand_on(now, over, doubt);

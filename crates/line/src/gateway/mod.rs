@@ -15,7 +15,7 @@
 //! | `traffic` | what those who watch the line are shown |
 //! | `measured` | measured times |
 //! | `outbox` | effects that are still to be executed |
-//! | `work` | a drive's own work: its `stop`, the `execution` of a command, its trips |
+//! | `work` | a drive's own work, made of parts in the same way: its `stop`, the `execution` of a command, its trips |
 //!
 //! It passes events between them:
 //!

@@ -2,6 +2,7 @@
 
 use super::drive::{DriveOnLine, LineDrives};
 use super::flight::OpenFlight;
+use super::stop::StopLatch;
 use crate::domain::ids::Station;
 use crate::domain::time::MonoTime;
 use crate::line::exchange::{Exchange, ExchangeEnding};
@@ -31,7 +32,8 @@ pub(super) fn cut_for_a_stop(
     }
     flight.is_overdue = true;
     let waits_for_stop = |other: &DriveOnLine| {
-        other.work.has_new_stop() && (is_damaged || other.index != flight.drive)
+        other.work.latch().is_some_and(StopLatch::is_first)
+            && (is_damaged || other.index != flight.drive)
     };
     let may_cut = is_damaged || !wire.has_heard_after(flight.request_end);
     if !may_cut || !drives.iter().any(waits_for_stop) {

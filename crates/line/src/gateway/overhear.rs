@@ -220,7 +220,7 @@ impl LineCore {
         else {
             return;
         };
-        drive.work.was_read_by_others(now);
+        drive.overheard_at = Some(now);
         let is_wanted = drive.work.wants().any(|want| want.request == *request);
         if is_wanted {
             drive.take_words(now, at, (*address, words), &mut self.effects);

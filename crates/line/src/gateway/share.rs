@@ -508,14 +508,14 @@ impl LineShare {
     ) -> Option<(MonoTime, DriveIndex, DriveWish)> {
         let wants = drives
             .iter()
-            .filter(|drive| drive.work.has_stop())
-            .flat_map(|drive| {
+            .filter_map(|drive| Some((drive, drive.work.latch()?)))
+            .flat_map(|(drive, latch)| {
                 let knowledge = self.rule.knowledge();
-                let from = knowledge.stops_from(drive.work.is_stop_declared());
+                let from = knowledge.stops_from(latch.is_declared_alone());
                 let room = self.rule.makes_room().then(|| self.rule.times().room());
                 let leaves_room = move |at| room.map_or(at, |room| self.gap.in_burst(at, room));
                 // Another gateway reads the drive, or is active and decides when.
-                let is_seen = self.gap.is_led(now) || drive.work.is_read_by_others(now);
+                let is_seen = self.gap.is_led(now) || drive.is_read_by_others(now);
                 drive.work.wants().filter_map(move |want| {
                     let due = drive.wanted_from(&want).max(from);
                     let at = match want.rank {

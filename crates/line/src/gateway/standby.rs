@@ -4,7 +4,7 @@
 use super::core::LineCore;
 use super::event::{LineEffect, LineWake, WakeReason};
 use super::flight::ExchangePurpose;
-use super::note::{HeardFrame, LineNote};
+use super::note::{DriveNote, HeardFrame, LineNote};
 use super::roll_call::GatewayFrame;
 use super::share::LineShare;
 use super::work::{DriveWish, DriveWork, WishRank};
@@ -445,7 +445,7 @@ impl LineCore {
         if want.rank == WishRank::FirstStop && self.stop_all(now) {
             return;
         }
-        let is_first = self.drives[drive].work.unsent_stop().is_some();
+        let is_first = self.drives[drive].work.has_unsent_stop();
         if !self.drives[drive]
             .work
             .send(want.rank, now, &mut self.effects)
@@ -454,7 +454,8 @@ impl LineCore {
         }
         if is_first {
             self.measured.stop_sent(want.at, now);
-            self.drives[drive].work.stops_between(&mut self.effects);
+            self.effects
+                .push_back(LineEffect::Note(drive, DriveNote::StopBetween));
         }
         self.open_exchange(now, (drive, want.request, ExchangePurpose::Work(want.rank)));
     }

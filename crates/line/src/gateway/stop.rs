@@ -6,7 +6,6 @@
 //! previous reading.
 
 mod overdue;
-mod refused;
 
 use super::falling::OutputFallWatch;
 use super::outbox::EffectOutbox;
@@ -20,6 +19,8 @@ use std::time::Duration;
 
 /// Maximum number of clients that wait for one stop. Any further one is answered at once that the stop is in progress.
 pub const WAITERS_MAX: usize = 64;
+/// How long a drive that is busy is left alone. A stop does not wait for that.
+pub const BUSY_REST: Duration = Duration::from_millis(200);
 /// First wait before a stop without effect is repeated; doubled up to the maximum.
 const REPEAT_FIRST: Duration = Duration::from_millis(500);
 /// Maximum wait before a stop without effect is repeated.
@@ -219,24 +220,14 @@ impl StopLatch {
         self.accepted_at = now;
         let is_other = order != self.order;
         if is_other {
-            let waiters = std::mem::take(&mut self.waiters);
-            let Self {
-                awaited_since,
-                is_late_reported,
-                is_unsent_reported,
-                offline_since,
-                by_client,
-                ..
-            } = *self;
-            let fresh = Self::new(order, None, now);
             *self = Self {
-                waiters,
-                awaited_since,
-                is_late_reported,
-                is_unsent_reported,
-                offline_since,
-                by_client,
-                ..fresh
+                waiters: std::mem::take(&mut self.waiters),
+                awaited_since: self.awaited_since,
+                is_late_reported: self.is_late_reported,
+                is_unsent_reported: self.is_unsent_reported,
+                offline_since: self.offline_since,
+                by_client: self.by_client,
+                ..Self::new(order, None, now)
             };
         }
         if waiter.is_some() && now < self.silent_until {
@@ -486,6 +477,33 @@ impl StopLatch {
     /// Whether the drive does not answer reads: it is read before the next stop is sent, which comes much later.
     const fn is_away(&self) -> bool {
         self.missed_looks >= LOOKS_BEFORE_AWAY
+    }
+
+    /// The drive refused it in its current form: the next form that its model declares is sent at once. If it has refused
+    /// all of them, the stop is repeated as usual; meanwhile the drive is read, and at standstill there is nothing left to
+    /// stop. Returns whether no other form is left.
+    pub fn refused(&mut self, now: MonoTime) -> bool {
+        self.look_at = now;
+        self.form = (self.form + 1) % self.order.forms();
+        self.refusals = self.refusals.saturating_add(1);
+        if self.refusals < self.order.forms() {
+            self.send_at = now;
+            return false;
+        }
+        self.was_refused = true;
+        true
+    }
+
+    /// Whether the drive has refused every form of it and acknowledged none.
+    #[must_use]
+    pub const fn is_refused(&self) -> bool {
+        self.was_refused && !self.is_acknowledged
+    }
+
+    /// The drive is busy at `now`: the stop is sent again `at` that moment, or as soon as the drive shows that it is not.
+    pub fn is_busy(&mut self, at: MonoTime, now: MonoTime) {
+        self.unanswered(now);
+        self.send_at = self.send_at.min(at);
     }
 
     /// The waiting clients.

@@ -52,11 +52,11 @@ impl DriveOnLine {
             at: read_at,
             is_its_own: !self.station.is_doubtful(),
         };
-        self.work.take_words(address, words, reading, now, effects);
+        let changed = self.work.take_words(address, words, reading, now, effects);
         if reading.is_its_own {
             self.work.take_usage(&self.snapshot, read_at, effects);
         }
-        if let Some(changed) = self.work.take_changed_basis() {
+        if let Some(changed) = changed {
             self.plan.ask_for(changed, now);
         }
     }

@@ -1,178 +1,97 @@
 //! One drive's own work apart from polls and native reads: its stop, its commands, its trips, and their view.
+//!
+//! [`DriveWork`] is made of parts, each with fields that no other file can touch:
+//!
+//! | file | what it keeps |
+//! | --- | --- |
+//! | `motor` | what was read of the motor |
+//! | `stopping` | the stop that is not effective yet, and stops that were refused, answered from memory or repeated |
+//! | `queue` | the commands that have not ended |
+//! | `taken_back` | words that must not remain in the drive |
+//! | `heard` | what other gateways ordered, and what this one left |
+//! | `followed`, `outside` | whether the drive does what it was ordered |
+//! | `durable` | what waits for the journal |
+//! | `usage` | what the drive has used |
+//! | `reports` | what is reported, and the newest outcome |
+//!
+//! It passes events between them: here what is asked of it and what time alone changes, in `orders` commands and the ends of
+//! exchanges, in `readings` what was read, heard, and left by an earlier process.
 
-mod again;
-mod between;
-mod command;
 mod durable;
-mod exchange;
-mod follow_watch;
 mod followed;
 mod heard;
-mod heard_order;
-mod leaving;
-mod looks;
+mod motor;
+mod orders;
 mod outside;
-mod outside_watch;
-mod pass;
+mod queue;
 mod readings;
-mod remembered;
-mod rows;
-mod sight;
-mod standing;
+mod reports;
+mod stopping;
 mod taken_back;
 mod usage;
 
 use super::execution::CommandExecution;
-use super::outbox::EffectOutbox;
+use super::note::DriveNote;
 use super::stop::StopLatch;
-use super::waiter::ReportWaiter;
-use crate::domain::address::Address;
-use crate::domain::command::{Direction, Order, Owner, Report};
+use crate::domain::command::{Order, Outcome, Owner, Reason, Report, RunIntent};
 use crate::domain::control::{BusFunctions, ControlSettings};
 use crate::domain::ids::DriveIndex;
 use crate::domain::time::MonoTime;
-use crate::drive::output::OutputRegister;
+use crate::drive::description::STALE_PERIODS;
 use crate::drive::plan::PollPace;
-use crate::drive::run_state::OutputWatch;
-use crate::drive::sight::DriveSight;
-use crate::drive::status::StatusWatch;
+use crate::drive::sight::{DriveSight, SightView};
 use crate::drive::trips::TripWatch;
 use crate::drive::usage::UsageView;
-use crate::drive::view::{ControlView, RunState, StatusView, StoppedAgain};
+use crate::drive::view::{ControlView, KeptTrips, RunState, StatusView};
 use crate::drive::watchdog::{WatchdogRange, WatchdogWatch};
-use crate::guard::{DriveFacts, DriveGuard};
-use crate::profile::model::{IndicatedState, Model};
-use crate::wire::pdu::Request;
-use again::AnsweredStop;
-use follow_watch::FollowWatch;
-use heard_order::{HeardOrder, UnsettledMotion};
-use outside_watch::OutsideWatch;
+use crate::guard::{DriveFacts, DriveGuard, VoidApproval};
+use crate::journal::{FailSafeCause, RowNumber};
+use crate::profile::model::{Model, OrderKind, PollClass};
+use durable::{DurableTrips, OpeningRows};
+use followed::FollowWatch;
+use heard::HeardOrders;
+use motor::MotorReadings;
+use outside::OutsideWatch;
+use queue::OrderQueue;
+pub use queue::{DriveWish, WishRank};
 pub use readings::WordsOrigin;
-use rows::{DurableTrips, OpeningOrder};
-use standing::StandingWord;
-use std::collections::VecDeque;
+use reports::{DriveReports, Out};
 use std::sync::Arc;
 use std::time::Duration;
+use stopping::DriveStop;
+use taken_back::StandingWords;
 use usage::UsageSums;
 
 /// Maximum number of commands per drive that wait for the one in execution.
 pub const COMMANDS_MAX: usize = 8;
-
-/// The kinds of a drive's wishes, most urgent first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum WishRank {
-    /// A stop that has never been sent.
-    FirstStop,
-    /// A stop without effect so far.
-    RepeatedStop,
-    /// The next step of a command that has begun, including read-back.
-    Step,
-    /// A read that shows whether a stop takes effect.
-    Look,
-    /// A trip record.
-    Trip,
-    /// The first step of a command.
-    Start,
-}
-
-/// One wish.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct DriveWish {
-    /// How urgent it is.
-    pub rank: WishRank,
-    /// The earliest moment to send it.
-    pub at: MonoTime,
-    /// The request.
-    pub request: Request,
-}
+/// How much longer than its watchdog time nothing is sent to a drive: its clock differs from ours.
+const MARGIN: Duration = Duration::from_secs(1);
 
 /// A drive's own work.
 #[derive(Debug)]
 pub struct DriveWork {
-    drive: DriveIndex,
-    model: Arc<Model>,
     guard: DriveGuard,
-    latch: Option<StopLatch>,
-    current: Option<CommandExecution>,
-    waiting: VecDeque<CommandExecution>,
-    /// Its exchange on the wire, and whether the result still matters.
-    flight: Option<WishRank>,
+    motor: MotorReadings,
+    stop: DriveStop,
+    queue: OrderQueue,
+    words: StandingWords,
+    heard: HeardOrders,
+    followed: FollowWatch,
+    outside: OutsideWatch,
+    opening: OpeningRows,
     trips: TripWatch,
-    /// Its trips as far as they are kept.
     kept: DurableTrips,
-    /// A run order that opened the lease and waits for its row.
-    opening: Option<OpeningOrder>,
-    /// The last recorded owner of the lease, and whether it is awaited since before a restart.
-    said_owner: Option<(Owner, bool)>,
-    output: OutputWatch,
-    output_register: Option<OutputRegister>,
-    /// A full scale has changed, and is to be read again before it is believed.
-    changed_basis: Option<Address>,
-    status: StatusWatch,
-    /// When a reading last showed whether the drive is ordered to run.
-    status_at: Option<MonoTime>,
-    /// Whether the drive showed reverse when the last stop took effect.
-    ramps_reverse: Option<bool>,
-    /// How often it is polled.
-    pace: PollPace,
+    usage: UsageSums,
     watchdog: WatchdogWatch,
-    /// The reads that show whether a stop takes effect, in turn.
-    looks: Vec<(Address, u16)>,
-    /// Up to this moment the drive hears nothing; taken by the line.
-    rest_until: Option<MonoTime>,
-    /// Up to this moment a stop may not be heard.
-    deaf_until: MonoTime,
-    /// The last order given here was a stop, and since then the motor has neither been seen at standstill nor turning in
-    /// a way that the ramp of that stop does not explain.
-    is_stopping: bool,
-    /// The motor turned, and has not stood for certain since.
-    has_turned: bool,
-    /// The reset word.
-    reset: StandingWord,
-    /// The last recorded state of the reset word.
-    said_reset: bool,
-    /// A start that the drive has not followed.
-    start: StandingWord,
-    /// The drive has refused a stop, and none has taken effect since.
-    is_stop_refused: bool,
-    /// When the drive last refused every form of a stop.
-    stop_refused_at: Option<MonoTime>,
-    /// It was logged that the drive refused a stop.
-    is_refusal_reported: bool,
-    /// A stop answered from memory, until the drive has confirmed it.
-    answered: Option<AnsweredStop>,
-    /// The client that stops the drive although others start it.
-    again: Option<StoppedAgain>,
-    /// The latest report of the newest command.
-    last: Option<Report>,
-    /// Number of commands so far, which is the number of the newest.
-    commands: u16,
-    /// The last order of another gateway of the line.
-    heard: HeardOrder,
-    /// When another gateway or master last read the drive.
-    overheard_at: Option<MonoTime>,
-    /// The drive was sent an order to run, and has since neither been seen at standstill without one nor stopped from here.
-    may_run_on: bool,
-    /// This gateway has taken the line, and does not know yet whether the drive is ordered to run.
-    unsettled: Option<UnsettledMotion>,
     /// Whether the drive is in sight, and what was last seen of it.
     sight: DriveSight,
-    /// Whether the drive follows its order to run.
-    followed: FollowWatch,
-    /// The drive has stopped following its last order to run.
-    is_stopped_elsewhere: bool,
-    /// The output, held against what was ordered.
-    outside: OutsideWatch,
-    /// What the drive has used.
-    usage: UsageSums,
-    has_changed: bool,
+    reports: DriveReports,
+    /// Up to this moment the drive hears nothing; taken by the line.
+    rest_until: Option<MonoTime>,
 }
-
-type Out<'a> = &'a mut EffectOutbox;
 
 impl DriveWork {
     /// Creates the work of a drive that was added at `now`.
-    #[must_use]
     pub fn new(
         drive: DriveIndex,
         model: &Arc<Model>,
@@ -181,123 +100,105 @@ impl DriveWork {
         now: MonoTime,
     ) -> Self {
         Self {
-            drive,
-            model: Arc::clone(model),
             guard: DriveGuard::new(Arc::clone(model), control, epoch, now),
-            latch: None,
-            current: None,
-            waiting: VecDeque::new(),
-            flight: None,
+            motor: MotorReadings::new(model),
+            stop: DriveStop::none(model),
+            queue: OrderQueue::default(),
+            words: StandingWords::default(),
+            heard: HeardOrders::default(),
+            followed: FollowWatch::default(),
+            outside: OutsideWatch::default(),
+            opening: OpeningRows::default(),
             trips: TripWatch::new(model),
             kept: DurableTrips::default(),
-            opening: None,
-            said_owner: None,
-            output: OutputWatch::default(),
-            output_register: OutputRegister::of(model),
-            changed_basis: None,
-            status: StatusWatch::new(model),
-            status_at: None,
-            ramps_reverse: None,
-            pace: PollPace::new(Duration::ZERO, 1.0),
-            watchdog: WatchdogWatch::new(Arc::clone(model), WatchdogRange::ANY),
-            looks: looks::look_addresses(model),
-            rest_until: None,
-            deaf_until: MonoTime::ZERO,
-            is_stopping: false,
-            has_turned: false,
-            reset: StandingWord::NONE,
-            said_reset: false,
-            start: StandingWord::NONE,
-            is_stop_refused: false,
-            stop_refused_at: None,
-            is_refusal_reported: false,
-            answered: None,
-            again: None,
-            last: None,
-            commands: 0,
-            heard: HeardOrder::Nothing,
-            overheard_at: None,
-            may_run_on: false,
-            unsettled: None,
-            sight: DriveSight::default(),
-            followed: FollowWatch::default(),
-            is_stopped_elsewhere: false,
-            outside: OutsideWatch::default(),
             usage: UsageSums::new(drive, model, PollPace::new(Duration::ZERO, 1.0)),
-            has_changed: true,
+            watchdog: WatchdogWatch::new(Arc::clone(model), WatchdogRange::ANY),
+            sight: DriveSight::default(),
+            reports: DriveReports::new(drive),
+            rest_until: None,
         }
     }
 
+    /// Sets the drive's poll pace.
+    pub fn polled(mut self, pace: PollPace) -> Self {
+        self.usage = UsageSums::new(self.reports.drive(), self.motor.model(), pace);
+        self.motor.polled(pace);
+        self.guard
+            .bases_stale_after(pace.period(PollClass::Slow) * STALE_PERIODS);
+        self
+    }
+
+    /// Sets the suitable range of watchdog times.
+    pub fn watched(mut self, range: WatchdogRange) -> Self {
+        self.watchdog = WatchdogWatch::new(Arc::clone(self.motor.model()), range);
+        self
+    }
+
     /// Control of the drive, and the current order.
-    #[must_use]
     pub const fn guard(&self) -> &DriveGuard {
         &self.guard
     }
 
+    /// Its stop that is not effective yet.
+    pub const fn latch(&self) -> Option<&StopLatch> {
+        self.stop.latch()
+    }
+
     /// Its trips.
-    #[must_use]
     pub const fn trips(&self) -> &TripWatch {
         &self.trips
     }
 
+    /// Its trips, as far as their rows are durable.
+    pub const fn trips_kept(&self) -> &KeptTrips {
+        self.kept.shown()
+    }
+
+    /// The state of the drive's own watchdog.
+    pub const fn watchdog(&self) -> &WatchdogWatch {
+        &self.watchdog
+    }
+
+    /// What it has used, as it is shown.
+    pub const fn usage_view(&self) -> UsageView {
+        self.usage.view()
+    }
+
+    /// What was last seen of it, until it is seen again.
+    pub const fn sight_view(&self) -> SightView {
+        self.sight.view()
+    }
+
     /// Whether the view has changed since the last call.
     pub const fn take_changed(&mut self) -> bool {
-        std::mem::replace(&mut self.has_changed, false)
+        self.reports.take_changed()
     }
 
     /// Marks the view as changed.
     pub const fn mark_changed(&mut self) {
-        self.has_changed = true;
+        self.reports.mark_changed();
     }
 
     /// Whether the motor is known to turn.
-    #[must_use]
     pub fn is_moving(&self) -> bool {
-        self.output.is_active() || self.status.is_running() == Some(true)
-    }
-
-    /// Whether the motor is known to be at standstill: the output is zero, and the drive shows no order to run.
-    #[must_use]
-    pub fn is_at_standstill(&self) -> bool {
-        self.output.is_at_standstill() && self.status.is_running() != Some(true)
+        self.motor.is_moving()
     }
 
     /// Whether the motor is at standstill for certain: one that turned, and was not stopped from here, has been so for long.
-    pub(super) fn stands(&self) -> bool {
-        self.is_at_standstill() && (!self.has_turned || self.is_stopping || self.output.has_stood())
-    }
-
-    /// The direction in which the motor turns, if the drive shows it.
-    fn turns(&self) -> Option<Direction> {
-        if self.is_moving() {
-            self.shown_direction()
-        } else {
-            None
-        }
-    }
-
-    /// The direction that the status shows, whether or not the motor turns.
-    fn shown_direction(&self) -> Option<Direction> {
-        let is_reverse = self.status.get(IndicatedState::Reverse)?;
-        Some(if is_reverse {
-            Direction::Reverse
-        } else {
-            Direction::Forward
-        })
+    fn stands(&self) -> bool {
+        self.motor.stands(self.stop.is_stopping())
     }
 
     /// Status flags other than the run state.
-    #[must_use]
     pub fn status_view(&self) -> StatusView {
         let bus = self
             .guard
             .control()
             .map_or(BusFunctions::Both, |control| control.bus);
-        self.status.view().of(bus)
+        self.motor.status().view().of(bus)
     }
 
     /// The run state of the drive.
-    #[must_use]
     pub fn run_state(&self, is_offline: bool) -> RunState {
         if is_offline {
             RunState::Offline
@@ -306,54 +207,59 @@ impl DriveWork {
         } else if self.trips.view().active == Some(true) {
             RunState::Tripped
         } else {
-            self.output
-                .run_state(&self.status, self.ordered(), self.is_stopping)
+            let intent = self.heard.intent(self.guard.intent());
+            let status = self.motor.status();
+            let is_stopping = self.stop.is_stopping();
+            self.motor.output().run_state(status, intent, is_stopping)
         }
     }
 
     /// Control, as shown to clients; `None` without a control section.
-    #[must_use]
     pub fn control_view(&self) -> Option<ControlView> {
         let guard = &self.guard;
         guard.control()?;
+        let (last, commands) = self.reports.newest();
         Some(ControlView {
             lease: guard.lease(),
             intent: guard.intent(),
             setpoint: guard.setpoint(),
             start_inhibited: guard.is_start_inhibited(),
             command_pending: self.has_orders(),
-            stop_pending: self.latch.is_some(),
+            stop_pending: self.stop.is_pending(),
             not_effective: self
-                .latch
-                .as_ref()
+                .latch()
                 .is_some_and(|latch| latch.is_late() || latch.is_refused()),
-            output_outside: self.outside.is_reported,
-            stopped_elsewhere: self.is_stopped_elsewhere,
+            output_outside: self.outside.is_reported(),
+            stopped_elsewhere: self.followed.is_stopped_elsewhere(),
             failsafe: guard.fail_safe(),
             epoch: guard.epoch(),
-            last: self.last,
-            commands: self.commands,
-            stopped_again: self
-                .again
-                .filter(|again| again.times >= StoppedAgain::TOLD_FROM),
+            last,
+            commands,
+            stopped_again: self.stop.stopped_again(),
         })
     }
 
-    /// What it has used, as it is shown.
-    #[must_use]
-    pub const fn usage_view(&self) -> UsageView {
-        self.usage.view()
-    }
-
-    /// Sets all sums of what it has used back to 0, because `owner` has requested it.
-    pub fn reset_usage(&mut self, owner: Owner, out: Out<'_>) {
-        self.usage.reset(owner, out);
-        self.has_changed = true;
-    }
-
-    /// A full scale that is to be read again, if it has just changed.
-    pub const fn take_changed_basis(&mut self) -> Option<Address> {
-        self.changed_basis.take()
+    /// Facts for the review.
+    pub fn facts(&self, line_is_up: bool, is_offline: bool, now: MonoTime) -> DriveFacts {
+        // Stale readings decide nothing: the motor may have been started since.
+        let is_fresh = self.motor.is_fresh(now);
+        let output = self.motor.output_frequency(self.guard.bases());
+        DriveFacts {
+            line_is_up,
+            listens: false,
+            line_is_bad: false,
+            is_offline,
+            is_implausible: false,
+            stop_pending: self.stop.is_pending(),
+            tripped: self.trips.view().active,
+            at_standstill: is_fresh && self.motor.is_at_standstill(),
+            rests: line_is_up && !is_offline && self.stop.rests(&self.motor, &self.guard, now),
+            stop_refused: self.stop.is_refused(),
+            output: output.filter(|_| is_fresh),
+            turns: self.motor.turns(),
+            is_local: self.status_view().is_local(),
+            is_watched: self.watchdog.view().is_some_and(|view| view.is_in_order()),
+        }
     }
 
     /// Until when the drive ignores requests, if that has just begun.
@@ -361,37 +267,37 @@ impl DriveWork {
         self.rest_until.take()
     }
 
-    /// Whether a stop waits that has never been sent.
-    #[must_use]
-    pub fn has_new_stop(&self) -> bool {
-        self.latch.as_ref().is_some_and(StopLatch::is_first)
-    }
-
-    /// Whether the stop that is not effective yet was sent; `None` without one.
-    #[must_use]
-    pub fn open_stop(&self) -> Option<bool> {
-        self.latch.as_ref().map(|latch| !latch.is_unsent())
-    }
-
-    /// Whether a stop is not effective yet.
-    #[must_use]
-    pub const fn has_stop(&self) -> bool {
-        self.latch.is_some()
-    }
-
     /// Number of commands in progress, stops excluded.
-    #[must_use]
     pub fn commands_open(&self) -> usize {
-        self.waiting.len() + usize::from(self.current.is_some())
+        self.queue.iter().count()
+    }
+
+    /// Whether a stop is not effective yet, or a command has not ended.
+    pub fn has_orders(&self) -> bool {
+        self.stop.is_pending() || self.queue.iter().next().is_some()
+    }
+
+    /// Whether a stop waits that was not sent yet.
+    pub fn has_unsent_stop(&self) -> bool {
+        self.latch().is_some_and(|latch| latch.unsent().is_some())
     }
 
     /// Whether a stop is not effective yet, or a reset has begun but not ended: its last word clears it.
-    #[must_use]
     pub fn must_go_on(&self) -> bool {
         let resets = |execution: &CommandExecution| {
             *execution.order() == Order::Reset && execution.has_begun()
         };
-        self.latch.is_some() || self.current.as_ref().is_some_and(resets)
+        self.stop.is_pending() || self.queue.current().is_some_and(resets)
+    }
+
+    /// Whether it may be commanded and runs, is under control, or still has to be stopped.
+    pub fn is_in_use(&self) -> bool {
+        self.guard.control().is_some() && (self.is_bound() || self.is_moving())
+    }
+
+    /// Whether it still needs this line: a stop in progress, a reset that has begun, control.
+    pub fn is_bound(&self) -> bool {
+        self.must_go_on() || self.guard.is_held()
     }
 
     /// The connection of a client is open. That renews nothing unless the drive `is_reached`, as an order would not.
@@ -403,7 +309,7 @@ impl DriveWork {
             } else {
                 self.guard.was_out_of_reach(holder, now);
             }
-            self.has_changed = true;
+            self.mark_changed();
         }
     }
 
@@ -415,48 +321,198 @@ impl DriveWork {
     /// The connection of clients was reopened.
     pub fn new_epoch(&mut self) {
         self.guard.new_epoch();
-        self.has_changed = true;
+        self.mark_changed();
     }
 
-    /// Facts for the review.
-    #[must_use]
-    pub fn facts(&self, line_is_up: bool, is_offline: bool, now: MonoTime) -> DriveFacts {
-        // Stale readings decide nothing: the motor may have been started since.
-        let is_fresh = self.is_fresh(now);
-        DriveFacts {
-            line_is_up,
-            listens: false,
-            line_is_bad: false,
-            is_offline,
-            is_implausible: false,
-            stop_pending: self.latch.is_some(),
-            tripped: self.trips.view().active,
-            at_standstill: is_fresh && self.is_at_standstill(),
-            rests: line_is_up && !is_offline && self.rests(now),
-            stop_refused: self.is_stop_refused,
-            output: self.output_frequency().filter(|_| is_fresh),
-            turns: self.turns(),
-            is_local: self.status_view().is_local(),
-            is_watched: self.watchdog.view().is_some_and(|view| view.is_in_order()),
+    /// Sets all sums of what it has used back to 0, because `owner` has requested it.
+    pub fn reset_usage(&mut self, owner: Owner, out: Out<'_>) {
+        self.usage.reset(owner, out);
+        self.mark_changed();
+    }
+
+    /// The drive is to leave: only stops are accepted any more. With `stops`, a drive in use is stopped.
+    pub fn leave(&mut self, now: MonoTime, stops: bool, out: Out<'_>) {
+        let is_in_use = self.is_in_use();
+        self.guard.leave();
+        if !stops || !is_in_use {
+            return;
+        }
+        // A stop in progress is the same stop.
+        if self.stop.is_pending() && !self.guard.is_held() {
+            return;
+        }
+        self.cut_motion(Reason::Removed, out);
+        if let Some(lost) = self.guard.stop_to_leave(now) {
+            self.reports.note(DriveNote::Leaving, out);
+            self.fail_safe(lost, now, out);
         }
     }
 
-    pub(super) fn tell(
-        &mut self,
-        waiter: &mut ReportWaiter,
-        report: Report,
-        is_final: bool,
-        out: Out<'_>,
-    ) {
-        if waiter.number() == Some(self.commands) {
-            self.last = Some(report);
-        }
-        self.has_changed = true;
-        out.tell(waiter, report, is_final);
+    /// The drive stays after all.
+    pub fn stay(&mut self) {
+        self.guard.stay();
+        self.mark_changed();
     }
 
-    pub(super) fn count(&mut self, waiter: &mut ReportWaiter) {
-        self.commands = self.commands.wrapping_add(1);
-        waiter.set_number(self.commands);
+    /// Runs the declared action because the gateway shuts down.
+    pub fn shut_down(&mut self, now: MonoTime, out: Out<'_>) {
+        if let Some(lost) = self.guard.shut_down(now) {
+            self.reports.note(DriveNote::ShuttingDown(lost.action), out);
+            self.fail_safe(lost, now, out);
+        }
+    }
+
+    /// The gateway shuts down while it listens.
+    pub const fn end(&mut self) {
+        self.guard.end();
+    }
+
+    /// Everything up to `row` is durable.
+    pub fn kept(&mut self, row: RowNumber) {
+        if self.kept.kept(row) | self.usage.kept(row) {
+            self.mark_changed();
+        }
+        self.opening.kept(row);
+    }
+
+    /// Records whether control has changed, and whether the reset word may remain from now on.
+    pub fn keep_changes(&mut self, out: Out<'_>) {
+        self.opening.keep_lease(&self.guard, &self.reports, out);
+        self.words.keep_reset(&self.queue, &self.reports, out);
+    }
+
+    /// Applies the changes caused by time alone.
+    pub fn pass(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {
+        self.settle(now, out);
+        // A stop that has taken effect is all that can be done, even while the ramp lasts.
+        let is_stopped = self.stands() || self.stop.is_stopping() || self.sight.stood_last();
+        let at_rest = !self.stop.is_pending() && is_stopped;
+        let had_lease = self.guard.lease().is_some();
+        if let Some(lost) = self.guard.expire(now, at_rest) {
+            if let Some(owner) = lost.owner {
+                let action = lost.action;
+                let note = match lost.cause {
+                    FailSafeCause::Orphaned | FailSafeCause::CrashLoop => {
+                        DriveNote::Orphaned { owner, action }
+                    }
+                    FailSafeCause::OutOfReach => DriveNote::OutOfReach { owner, action },
+                    _ => DriveNote::CommanderLost { owner, action },
+                };
+                self.reports.note(note, out);
+            }
+            self.fail_safe(lost, now, out);
+        }
+        if had_lease && self.guard.lease().is_none() {
+            self.mark_changed();
+        }
+        self.opening.pass(&self.queue, &self.reports, now, out);
+        self.pass_stop(now, is_offline, out);
+        self.leave_to_watchdog(now, out);
+        self.expire_orders(now, out);
+        self.take_start_back(now, is_offline, out);
+        self.take_reset_back(now, is_offline, out);
+    }
+
+    /// When [`Self::pass`] is due.
+    pub fn next_wake(&self) -> Option<MonoTime> {
+        let control = self.guard.control();
+        let unsettled = self.heard.unsettled();
+        [
+            self.guard.next_wake(),
+            self.latch()
+                .zip(control)
+                .and_then(|(latch, control)| latch.next_wake(control)),
+            self.left_at(),
+            self.queue.next_wake(),
+            self.opening.next_wake(),
+            unsettled.and_then(|it| self.is_moving().then_some(it.until)),
+        ]
+        .into_iter()
+        .flatten()
+        .min()
+    }
+
+    fn pass_stop(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {
+        let Some(control) = self.guard.control() else {
+            return;
+        };
+        let dropped = self
+            .stop
+            .pass(now, is_offline, control, &mut self.reports, out);
+        if let Some(report) = dropped {
+            self.guard.inhibit(now);
+            self.drop_stop(report, out);
+        }
+    }
+
+    /// When a declared stop without effect is left to the drive's own watchdog; `None` if no watchdog can be relied on.
+    fn left_at(&self) -> Option<MonoTime> {
+        let declared = self.latch()?.declared_at()?;
+        self.watchdog.stops_after()?;
+        Some(declared + self.guard.control()?.failsafe_confirm_timeout)
+    }
+
+    /// A declared stop has no effect, and any frame keeps the drive's watchdog from acting: nothing is sent to the drive
+    /// until the watchdog must have acted.
+    fn leave_to_watchdog(&mut self, now: MonoTime, out: Out<'_>) {
+        let (Some(after), Some(left_at)) = (self.watchdog.stops_after(), self.left_at()) else {
+            return;
+        };
+        if left_at > now {
+            return;
+        }
+        let until = now + after + MARGIN;
+        if let Some(latch) = self.stop.latch_mut() {
+            latch.leave_until(until);
+        }
+        self.rest_until = Some(until);
+        self.mark_changed();
+        self.reports.note(DriveNote::LeftToWatchdog, out);
+    }
+
+    fn expire_orders(&mut self, now: MonoTime, out: Out<'_>) {
+        if self.queue.is_current_expired(now) {
+            self.void(VoidApproval::TooLate, out);
+        }
+        while let Some(mut execution) = self.queue.take_expired(now) {
+            let report = Report::new(Outcome::Expired, Reason::TooLate);
+            self.finish(&mut execution, report, out);
+        }
+    }
+
+    /// Takes back a start that has ended without the drive showing that it runs: at once, before everything else but a
+    /// stop. What waits behind it would be sent to a drive that is not ready.
+    fn take_start_back(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {
+        let is_busy = self.stop.is_pending() || self.queue.current().is_some();
+        if is_busy || is_offline || !self.words.take_start_back(now) {
+            return;
+        }
+        self.cut_motion(Reason::NotReady, out);
+        let Some(approved) = self.guard.take_start_back(now) else {
+            return;
+        };
+        self.reports.note(DriveNote::StartTakenBack, out);
+        self.queue.push_front(approved, &self.reports);
+    }
+
+    /// Clears the reset word if it may remain and nothing else is in progress. A turning motor is left alone: the reset
+    /// word is not what it obeys. In a register of its own the word is cleared before the next order, whether or not the
+    /// motor turns: the next trip would be reset by it.
+    fn take_reset_back(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {
+        let is_apart = !self.motor.model().replaces_reset(OrderKind::Stop);
+        let is_busy = self.stop.is_pending()
+            || self.queue.current().is_some()
+            || !(is_apart || self.queue.waiting() == 0);
+        let is_at_rest =
+            self.motor.is_at_standstill() && !matches!(self.guard.intent(), RunIntent::Run(_));
+        let may_go = if is_apart { !is_offline } else { is_at_rest };
+        if is_busy || !may_go || !self.words.take_reset_back(now) {
+            return;
+        }
+        let Some(approved) = self.guard.take_reset_back() else {
+            return;
+        };
+        self.reports.note(DriveNote::ResetTakenBack, out);
+        self.queue.push_front(approved, &self.reports);
     }
 }

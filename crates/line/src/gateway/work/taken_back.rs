@@ -2,115 +2,122 @@
 //! followed is left standing: the drive would obey it later. While the reset word may remain, that is remembered across
 //! restarts, and the word is cleared as soon as the motor is at standstill and nothing else is ordered.
 
-use super::{DriveWork, Out};
-use crate::domain::command::{Order, Reason, RunIntent};
+use super::queue::OrderQueue;
+use super::reports::{DriveReports, Out};
+use crate::domain::command::Order;
 use crate::domain::time::MonoTime;
-use crate::gateway::event::LineEffect;
 use crate::gateway::execution::CommandExecution;
-use crate::gateway::note::DriveNote;
-use crate::gateway::waiter::ReportWaiter;
 use crate::journal::{JournalEntry, RowNumber};
-use crate::profile::model::OrderKind;
+use crate::profile::model::{Model, OrderKind};
+use std::time::Duration;
 
-impl DriveWork {
+/// Time between two attempts to take it back.
+const AGAIN_AFTER: Duration = Duration::from_secs(5);
+
+/// A word that may stand in the drive.
+#[derive(Debug, Default)]
+struct StandingWord {
+    stands: bool,
+    /// The earliest moment to take it back.
+    again_at: MonoTime,
+}
+
+impl StandingWord {
+    /// Whether it is to be taken back at `now`: then the attempt begins.
+    fn take_back(&mut self, now: MonoTime) -> bool {
+        let is_due = self.stands && now >= self.again_at;
+        if is_due {
+            self.again_at = now + AGAIN_AFTER;
+        }
+        is_due
+    }
+}
+
+/// The words that may stand in one drive.
+#[derive(Debug, Default)]
+pub(super) struct StandingWords {
+    /// The reset word.
+    reset: StandingWord,
+    /// The last recorded state of the reset word.
+    said_reset: bool,
+    /// A start that the drive has not followed.
+    start: StandingWord,
+}
+
+impl StandingWords {
     /// The next request of `execution` is sent.
-    pub(super) fn start_was_sent(&mut self) {
-        let starts = self.current.as_ref().is_some_and(CommandExecution::starts);
-        if starts && self.model.start_take_back().is_some() {
-            self.start.was_sent();
+    pub fn was_sent(&mut self, execution: &CommandExecution, model: &Model) {
+        self.reset.stands |= execution.leaves_a_reset_standing();
+        if execution.starts() && model.start_take_back().is_some() {
+            // It may be taken back at once.
+            self.start = StandingWord {
+                stands: true,
+                again_at: MonoTime::ZERO,
+            };
         }
     }
 
     /// The drive shows that it runs: the effect of the run word, if that was the last word sent.
-    pub(super) fn runs_now(&mut self) {
+    pub fn runs_now(&mut self, current: Option<&CommandExecution>) {
         let runs = |execution: &CommandExecution| matches!(execution.order(), Order::Go(go) if go.run().is_some());
-        let shows_it = self
-            .current
-            .as_ref()
-            .is_some_and(|execution| runs(execution) && execution.is_reading_back());
+        let shows_it =
+            current.is_some_and(|execution| runs(execution) && execution.is_reading_back());
         self.start.stands &= !shows_it;
     }
 
-    /// The word of the order `kind` was written: it replaces that of a start where both are in one register.
-    pub(super) fn replaces_start(&mut self, kind: OrderKind) {
-        let is_same =
-            self.model.order_address(kind) == self.model.order_address(OrderKind::Forward);
+    /// The word of the order `kind` was written.
+    pub fn replaces(&mut self, kind: OrderKind, model: &Model) {
+        self.replaces_reset(kind, model);
+        // It replaces that of a start where both are in one register.
+        let is_same = model.order_address(kind) == model.order_address(OrderKind::Forward);
         self.start.stands &= !is_same;
     }
 
+    /// The word of the order `kind` was written: it replaces the reset word where both are in one register.
+    pub fn replaces_reset(&mut self, kind: OrderKind, model: &Model) {
+        self.reset.stands &= !model.replaces_reset(kind);
+    }
+
     /// The start is taken back.
-    pub(super) const fn start_is_taken_back(&mut self) {
+    pub const fn start_is_taken_back(&mut self) {
         self.start.stands = false;
     }
 
-    /// Takes back a start that has ended without the drive showing that it runs: at once, before everything else but a
-    /// stop. What waits behind it would be sent to a drive that is not ready.
-    pub(super) fn take_start_back(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {
-        let is_busy = self.latch.is_some() || self.current.is_some();
-        if is_busy || is_offline || !self.start.is_due(now) {
-            return;
-        }
-        self.start.attempt(now);
-        self.cut_motion(Reason::NotReady, out);
-        let Some(approved) = self.guard.take_start_back(now) else {
-            return;
-        };
-        out.push_back(LineEffect::Note(self.drive, DriveNote::StartTakenBack));
-        self.waiting.push_front(CommandExecution::new(
-            approved,
-            ReportWaiter::of_nobody(self.drive),
-        ));
+    /// The reset's register holds a word other than the reset word.
+    pub const fn reset_is_taken_back(&mut self) {
+        self.reset.stands = false;
+    }
+
+    /// Whether a start that has ended without the drive showing that it runs is to be taken back now: at once, before
+    /// everything else but a stop. What waits behind it would be sent to a drive that is not ready.
+    pub fn take_start_back(&mut self, now: MonoTime) -> bool {
+        self.start.take_back(now)
+    }
+
+    /// Whether the reset word is to be cleared now.
+    pub fn take_reset_back(&mut self, now: MonoTime) -> bool {
+        self.reset.take_back(now)
     }
 
     /// Records whether the reset word may remain from now on, if that has changed. Returns its row.
-    pub fn keep_reset(&mut self, out: Out<'_>) -> Option<RowNumber> {
+    pub fn keep_reset(
+        &mut self,
+        queue: &OrderQueue,
+        reports: &DriveReports,
+        out: Out<'_>,
+    ) -> Option<RowNumber> {
         let resets = |execution: &CommandExecution| *execution.order() == Order::Reset;
-        let may_stand = self.reset.stands || self.current.iter().chain(&self.waiting).any(resets);
+        let may_stand = self.reset.stands || queue.iter().any(resets);
         if may_stand == self.said_reset {
             return None;
         }
         self.said_reset = may_stand;
-        out.keep(self.drive, JournalEntry::ResetWord { may_stand })
+        reports.keep(JournalEntry::ResetWord { may_stand }, out)
     }
 
-    /// A previous run of the gateway may have left the reset word.
-    pub(super) fn remember_reset(&mut self, may_stand: bool) {
+    /// A previous run of the gateway may have left the reset word, where a reset of the model `leaves` one until it is cleared.
+    pub fn remember(&mut self, may_stand: bool, leaves: bool) {
         self.said_reset = may_stand;
-        self.reset.stands = may_stand && self.guard.leaves_a_reset_standing();
-    }
-
-    /// Clears the reset word if it may remain and nothing else is in progress. A turning motor is left alone: the reset
-    /// word is not what it obeys. In a register of its own the word is cleared before the next order, whether or not the
-    /// motor turns: the next trip would be reset by it.
-    pub(super) fn take_reset_back(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {
-        let is_apart = !self.model.replaces_reset(OrderKind::Stop);
-        let is_busy = self.latch.is_some()
-            || self.current.is_some()
-            || !(is_apart || self.waiting.is_empty());
-        let is_at_rest =
-            self.is_at_standstill() && !matches!(self.guard.intent(), RunIntent::Run(_));
-        let may_go = if is_apart { !is_offline } else { is_at_rest };
-        if is_busy || !may_go || !self.reset.is_due(now) {
-            return;
-        }
-        self.reset.attempt(now);
-        let Some(approved) = self.guard.take_reset_back() else {
-            return;
-        };
-        out.push_back(LineEffect::Note(self.drive, DriveNote::ResetTakenBack));
-        self.waiting.push_front(CommandExecution::new(
-            approved,
-            ReportWaiter::of_nobody(self.drive),
-        ));
-    }
-
-    /// The word of the order `kind` was written: it replaces the reset word where both are in one register.
-    pub(super) fn replaces_reset(&mut self, kind: OrderKind) {
-        self.reset.stands &= !self.model.replaces_reset(kind);
-    }
-
-    /// The reset's register holds a word other than the reset word.
-    pub(super) const fn reset_is_taken_back(&mut self) {
-        self.reset.stands = false;
+        self.reset.stands = may_stand && leaves;
     }
 }
