@@ -182,7 +182,7 @@ pub fn wrong(problems: &[Problem]) -> CommandFailure {
         let right = problem
             .right
             .as_ref()
-            .map(|right| format!("; right would be {right}"))
+            .map(|right| format!("; help: {right}"))
             .unwrap_or_default();
         format!("{}: {}{right}", problem.key, problem.what)
     };

@@ -160,7 +160,7 @@ fn a_device_that_is_no_drive_is_read() {
     let model = written.place.write("models/meter.toml", &blocks(rest)[0]);
     let said = ask(&["models", "check", model.to_str().unwrap()], 0);
     assert!(
-        said.contains("acme-meter is sound: 1 register") && said.contains("only read"),
+        said.contains("acme-meter is valid: 1 register") && said.contains("only read"),
         "{said}"
     );
     let line =

@@ -109,11 +109,7 @@ fn a_write_that_is_refused_says_why_and_writes_nothing() {
     let gateway = gateway(&place, &port);
     gateway.wait_for_drive();
     let refused = ask("write", gateway.address, "1", &["0x0201", "5000"]);
-    assert_fails(
-        &refused,
-        1,
-        &["0x0201 5000", "never allowed", "exception 01"],
-    );
+    assert_fails(&refused, 1, &["0x0201 5000", "not allowed", "exception 01"]);
     assert_eq!(
         out(&ask("read", gateway.address, "1", &["0x0201"])),
         "0x0201      0  0x0000\n"
@@ -321,7 +317,7 @@ fn a_stop_without_effect_is_no_success() {
     const PENDING: u16 = 1 << 6;
     for (status, state, alarms, words) in [
         (ONLINE | PENDING, RUNS, 1, "the drive shows no effect"),
-        (PENDING, OFFLINE, 1, "the drive does not answer any more"),
+        (PENDING, OFFLINE, 1, "the drive no longer answers"),
         (ONLINE, RUNS, 0, "has been ordered to run again"),
     ] {
         let unit = shows(status, state, alarms, &[(RUN, 0), (REASON, 0)]);

@@ -143,7 +143,7 @@ fn eight_unknown_drives_are_served_after_a_few_answers() {
         "yes",
     ];
     let made = init(&out, &args, &answers);
-    assert_says(&made, 0, &["`halt` is none of stop", "is written"]);
+    assert_says(&made, 0, &["`halt` is not one of stop", "is written"]);
     let written = std::fs::read_to_string(&out).unwrap();
     assert!(
         !written.contains(PASSWORD) && written.contains("anna.hash"),
@@ -203,7 +203,10 @@ fn answers_that_are_wrong_or_missing_write_nothing() {
         .concat()
     };
     let wrong = [
-        (flags(&["--command-from", "mqtt"]), "`mqtt` is none of page"),
+        (
+            flags(&["--command-from", "mqtt"]),
+            "`mqtt` is not one of page",
+        ),
         (
             flags(&["--command-from", "page", "--page-user", "an na"]),
             "--page-user: a name has 1 to 32 letters",

@@ -425,7 +425,7 @@ fn a_simulated_drive_is_reached_by_a_gateway_and_by_a_tool() {
         assert_says(
             &vfd_gateway(args),
             2,
-            &["drives are looked for on serial lines only"],
+            &["drives can be searched only on serial lines"],
         );
     }
 }

@@ -241,7 +241,7 @@ fn a_device_template_becomes_a_model_that_is_only_read() {
     let file = place.file("model.toml");
     let made = made_from(&template, &file);
     assert!(
-        made.contains("is sound: 1 register") && made.contains("it takes no orders"),
+        made.contains("is valid: 1 register") && made.contains("it takes no orders"),
         "{made}"
     );
     let written = std::fs::read_to_string(&file).unwrap();

@@ -96,7 +96,7 @@ fn a_drive_is_dumped_compared_and_restored_through_its_gateway() {
         logged(&plant),
         [("F007".to_owned(), 100, 42, "confirmed".to_owned())]
     );
-    assert_says(&restore(&["--yes"]), 0, &["nothing has to be written"]);
+    assert_says(&restore(&["--yes"]), 0, &["there is nothing to write"]);
     assert_says(
         &restore(&["--yes", "--with-link"]),
         1,
@@ -189,7 +189,7 @@ fn a_drive_with_groups_is_dumped_by_them() {
     let shown = [
         "F22.01",
         "the model does not know what it does",
-        "nothing has to be written",
+        "there is nothing to write",
     ];
     assert_says(&run(&["restore", file, "--dry-run"]), 0, &shown);
 }

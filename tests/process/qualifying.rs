@@ -414,7 +414,7 @@ fn every_action_has_a_trial_of_its_own() {
         trials.answers(question, "y");
     }
     trials.answers(SEND, "enough");
-    trials.ends(1, &["reset: confirmed", "ended by you"]);
+    trials.ends(1, &["reset: confirmed", "ended at your request"]);
     site.waits_for(STOPPED);
     let told = vfd_gateway(&site.args(&["--list"]));
     assert_says(

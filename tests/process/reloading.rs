@@ -163,7 +163,7 @@ fn a_line_comes_and_goes_and_the_others_do_not_notice() {
 
     assert_eq!(
         reload(&plant, &[]),
-        (Some(0), "reloaded; nothing is different\n".to_owned())
+        (Some(0), "reloaded; nothing has changed\n".to_owned())
     );
     assert_eq!(plant.written(), written, "nothing was written over it all");
     assert_eq!(connections_to_the_broker(&plant), 1);
@@ -277,7 +277,7 @@ fn a_pipe_in_the_place_of_the_file_holds_up_no_reload() {
         std::fs::write(&plant.file, &good).unwrap();
         assert_eq!(
             reload(&plant, &[]),
-            (Some(0), "reloaded; nothing is different\n".to_owned()),
+            (Some(0), "reloaded; nothing has changed\n".to_owned()),
             "behind {make}"
         );
     }

@@ -269,7 +269,7 @@ fn what_was_found_until_ctrl_c_is_kept() {
     assert_eq!(scan.end_within(PATIENCE).code(), Some(1));
     until("the end is told", PATIENCE, || {
         scan.text()
-            .contains("interrupted before all was tried")
+            .contains("interrupted before everything was tried")
             .then_some(())
     });
     assert!(scan.text().contains("station 1"), "{}", scan.text());

@@ -224,7 +224,7 @@ fn choose_rules(person: &mut Person) {
     for key in ["on_commander_lost", "on_shutdown"] {
         person.tap_in(&format!("#setup fieldset:has([name='rule-{key}'])"), "stop");
     }
-    person.tap("Take orders all the same");
+    person.tap("Accept commands anyway");
 }
 
 fn a_drive_that_is_left_out_stays_so_under_another_name(person: &mut Person) {

@@ -329,8 +329,8 @@ fn serial_line(
     };
     writeln!(text, "  silence before each frame {}{shorter}", ms(silence))?;
     let echo = match line.echo {
-        EchoPolicy::Refuse => "an echo of the adapter takes the line down",
-        EchoPolicy::Strip => "an echo of the adapter is taken out",
+        EchoPolicy::Refuse => "an echo of the adapter puts the line out of use",
+        EchoPolicy::Strip => "an echo of the adapter is removed",
     };
     writeln!(text, "  {echo}")
 }
@@ -398,7 +398,7 @@ fn stops(text: &mut String, line: &LineSettings) -> std::fmt::Result {
     let beside = if line.framing.has_characters() {
         ""
     } else {
-        "; what the network and a converter take comes on top"
+        "; the network and a converter add their own time"
     };
     writeln!(
         text,

@@ -115,7 +115,7 @@ async fn watch(socket: &Path, args: &Args) -> Result<Vec<WatchedLine>, CommandFa
         .collect();
     if let (true, Some(line)) = (wanted.is_empty(), &args.line) {
         return Err(CommandFailure::wrong(format!(
-            "there is no line called {line}; there are: {}",
+            "no line is called {line}; the lines are: {}",
             all.join(", ")
         )));
     }
@@ -262,7 +262,7 @@ fn line(report: &LineReportDocument) -> String {
     // Writing to a String cannot fail.
     let _ = writeln!(
         text,
-        "  {} exchanges: {} good, {} silent, {} damaged; {} of frames that answer nothing",
+        "  {} exchanges: {} good, {} silent, {} damaged; {} with frames that answer nothing",
         number(rates.exchanges),
         share(rates.good_per_mille),
         share(rates.silent_per_mille),
@@ -270,9 +270,9 @@ fn line(report: &LineReportDocument) -> String {
         share(rates.stray_per_mille)
     );
     for (count, what) in [
-        (rates.noise_bytes, "bytes that made no frame"),
-        (rates.foreign, "frames of stations that were not asked"),
-        (rates.other_master, "requests of another master"),
+        (rates.noise_bytes, "bytes that form no frame"),
+        (rates.foreign, "frames from stations that were not asked"),
+        (rates.other_master, "requests from another master"),
         (rates.echoes, "echoes of our own frames"),
     ] {
         if count > 0 {
@@ -405,8 +405,9 @@ mod tests {
                 "late": 0, "doubled": 0, "replies": replies }],
             "verdict": [{ "severity": "problem", "text": "pump-1: check termination" }] });
         let right = "line hall-1 (9600 8N1 on /dev/ttyUSB0): up, watched for 30.0 s\n  \
-            200 exchanges: 98.50 % good, 0.50 % silent, 1.00 % damaged; 0.00 % of frames that answer nothing\n  \
-            14 bytes that made no frame\n  \
+            200 exchanges: 98.50 % good, 0.50 % silent, 1.00 % damaged; 0.00 % with frames that \
+            answer nothing\n  \
+            14 bytes that form no frame\n  \
             drive   is      station  exchanges  silent  damaged  late  doubled\n  \
             pump-1  online        1        200       1        2     0        0\n  \
             ms to a reply  to a          replies  50 %  90 %  99 %  99.9 %  longest  waited for  suggested\n  \

@@ -79,7 +79,7 @@ fn why_not_in_order(health: &HealthDocument) -> Option<String> {
         (!drives.is_empty()).then(|| format!("{what} {}", drives.join(", ")))
     };
     let not_ready = || (!health.ready).then(|| "not ready".to_owned());
-    named("a motor may still run unseen: go to", unseen(health))
+    named("a motor may still be running unseen: go to", unseen(health))
         .or_else(not_ready)
         .or_else(|| named("nothing was ever read of", never_read(health)))
         .or_else(|| essential_refused(health))
@@ -297,7 +297,7 @@ fn oversized(side: &str, all: &[OversizedDocument]) -> String {
     const LINES_MAX: usize = 8;
     let line = |it: &OversizedDocument| {
         format!(
-            "{side}: {} is not published: {} bytes, and the broker takes {}\n",
+            "{side}: {} is not published: it has {} bytes, and the broker accepts {}\n",
             it.topic, it.bytes, it.limit
         )
     };
@@ -352,7 +352,7 @@ fn drive_row(drive: &DriveHealthDocument) -> String {
 fn motion_of(drive: &DriveHealthDocument) -> String {
     let mut parts = Vec::new();
     if drive.output_outside == Some(true) {
-        parts.push("its output is outside the limits or far from the setpoint".to_owned());
+        parts.push("the output is outside the limits or far from the setpoint".to_owned());
     }
     if drive.stopped_elsewhere == Some(true) {
         parts.push("stopped elsewhere: only a new order starts it".to_owned());
@@ -398,8 +398,8 @@ fn mqtt_rows(mqtt: &BrokerHealthDocument) -> String {
     if let Some(topic) = &mqtt.clients_gone {
         let _ = writeln!(
             text,
-            "mqtt: {topic} says that the clients of the broker are offline: what MQTT holds is given up after \
-             `lost_after`"
+            "mqtt: {topic} says that the clients of the broker are offline: control over MQTT ends \
+             after `lost_after`"
         );
     }
     if mqtt.events_refused > 0 {
@@ -417,7 +417,8 @@ fn sparkplug_rows(sparkplug: &HostHealthDocument) -> String {
     let state = match (sparkplug.connected, sparkplug.host_awaited) {
         (true, _) => "published to its hosts",
         (false, true) if sparkplug.host_behind_ms.is_some() => {
-            "waits for its primary host, whose STATE message is older than one before: its clock was ahead"
+            "waits for its primary host, whose STATE message is older than an earlier one: its \
+             clock was ahead"
         }
         (false, true) => "waits for its primary host",
         (false, false) => "not connected",
@@ -570,7 +571,7 @@ mod tests {
         let shown = report(&parsed(health));
         assert!(
             shown.contains(
-                "mqtt: vfd/a/1 is not published: 2500 bytes, and the broker takes 2000\n"
+                "mqtt: vfd/a/1 is not published: it has 2500 bytes, and the broker accepts 2000\n"
             ),
             "{shown}"
         );

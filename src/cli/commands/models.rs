@@ -112,7 +112,7 @@ fn of_vendor<'a>(
         let makers: BTreeSet<_> = all.iter().map(|model| model.vendor.as_str()).collect();
         let makers = makers.into_iter().collect::<Vec<_>>().join(", ");
         return Err(CommandFailure::wrong(format!(
-            "no model is of a maker {vendor}; there are models of {makers}"
+            "no model is of the maker {vendor}; the makers are {makers}"
         )));
     }
     Ok(found)
@@ -142,11 +142,11 @@ fn check_file(path: &Path, own: &ModelDirs) -> Result<(), CommandFailure> {
     };
     let mut text = match model.registers.len() {
         0 => format!(
-            "{} is sound, but has no register: nothing of a drive of it can be read\n",
+            "{} is valid, but has no register: nothing can be read from its drives\n",
             model.id
         ),
-        1 => format!("{} is sound: 1 register\n", model.id),
-        count => format!("{} is sound: {count} registers\n", model.id),
+        1 => format!("{} is valid: 1 register\n", model.id),
+        count => format!("{} is valid: {count} registers\n", model.id),
     };
     let _ = writeln!(text, "can be ordered: {}", orders_text(&orders(&model)));
     let basics = model.unproven_basics();
@@ -313,7 +313,7 @@ mod tests {
         );
         let error = ids("etaon").unwrap_err();
         assert!(
-            error.contains("no model is of a maker etaon")
+            error.contains("no model is of the maker etaon")
                 && error.contains("Danfoss, Delta, Eaton"),
             "{error}"
         );

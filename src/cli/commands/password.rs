@@ -48,7 +48,7 @@ fn ask_twice(stdin: &Stdin) -> Result<String, CommandFailure> {
         }
     };
     let password = ask("Password: ")?;
-    if ask("The same again: ")? == password {
+    if ask("Repeat the password: ")? == password {
         Ok(password)
     } else {
         Err(CommandFailure::wrong("the passwords differ"))

@@ -55,7 +55,7 @@ fn reload_message(done: &ReloadDocument) -> String {
     };
     let warnings: String = done.warnings.iter().map(warning).collect();
     if done.changes.is_empty() {
-        return format!("{warnings}reloaded; nothing is different\n");
+        return format!("{warnings}reloaded; nothing has changed\n");
     }
     let line = |it: &ConfigurationChange| match &it.name {
         Some(name) => format!("{} {name}: {}\n", it.part, it.change),

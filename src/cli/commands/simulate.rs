@@ -186,7 +186,7 @@ fn check_stations(stations: &[u8], model: &Model) -> Result<(), CommandFailure> 
         .find_map(|(at, n)| stations[..at].contains(n).then_some(n))
     {
         return Err(CommandFailure::wrong(format!(
-            "station {twice} is named twice"
+            "station {twice} is given twice"
         )));
     }
     Ok(())
@@ -217,8 +217,8 @@ fn link_of(args: &Args, model: &Model, framing: Framing) -> Result<LinkSettings,
     }
     if framing == Framing::Rtu && data_bits != 8 && args.data_bits.is_none() {
         return Err(CommandFailure::wrong(format!(
-            "{} leaves the factory with ASCII frames at {factory}: add `--framing ascii`; or, as set by hand to RTU, \
-             `--data-bits 8` with `--parity` and `--stop-bits`",
+            "the factory setting of {} is ASCII frames at {factory}: add `--framing ascii`; or, if \
+             it was set to RTU by hand, `--data-bits 8` with `--parity` and `--stop-bits`",
             model.id
         )));
     }
@@ -251,7 +251,8 @@ fn assumed(args: &Args, model: &Model) -> String {
         || args.baud.is_some() && args.parity.is_some() && args.stop_bits.is_some();
     match &model.link.default.value {
         FactorySetting::Ask(text) if !all_given => format!(
-            "no factory setting of {} is known ({text}); without --baud, --parity and --stop-bits, usual ones are taken\n",
+            "the factory setting of {} is not known ({text}); without --baud, --parity and \
+             --stop-bits, usual settings are used\n",
             model.id
         ),
         _ => String::new(),

@@ -48,7 +48,7 @@ pub fn standstill(args: &Args) -> Result<(), CommandFailure> {
             name.as_str(),
         ))?;
         ask(
-            "have you looked, and does the motor stand?",
+            "have you checked that the motor stands still?",
             "nothing was confirmed",
         )?;
     }
@@ -56,7 +56,7 @@ pub fn standstill(args: &Args) -> Result<(), CommandFailure> {
     let (status, answer) = answered(SocketRequest::post(&path))?;
     match status {
         StatusCode::OK => print(&format!(
-            "drive {name}: confirmed that the motor stands; a stop that is pending stays\n"
+            "drive {name}: confirmed that the motor stands still; a pending stop stays pending\n"
         )),
         StatusCode::NOT_FOUND => Err(CommandFailure::wrong(setup::unknown(answer))),
         status => Err(CommandFailure::failed(format!(

@@ -83,7 +83,7 @@ fn show(directory: &Path, args: &Args) -> Result<(), CommandFailure> {
     if args.csv {
         print(COLUMNS)?;
     } else if drives.is_empty() && !args.json {
-        return print("nothing was used so far\n");
+        return print("no usage recorded yet\n");
     }
     for (drive, days) in &drives {
         let shown: String = match (args.csv, args.json) {
@@ -125,7 +125,7 @@ fn reset(directory: &Path, drive: &str, yes: bool) -> Result<(), CommandFailure>
         .ok_or_else(|| CommandFailure::wrong(format!("`{drive}` is not a valid drive name")))?;
     if !yes {
         print(&format!(
-            "energy, running hours, starts and trips of {name} begin at 0 again\n"
+            "energy, running hours, starts and trips of {name} restart at 0\n"
         ))?;
         ask_for_consent()?;
     }

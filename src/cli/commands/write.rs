@@ -57,7 +57,8 @@ pub fn write(args: &Args) -> Result<(), CommandFailure> {
     let order = order(args)?;
     if args.once && args.is_straight() && order.makes_run() {
         return Err(CommandFailure::wrong(
-            "a write to a bare port ends at once, and then no one supervises the motor: leave out --once",
+            "a write directly on a port ends at once, and then nothing supervises the motor: leave \
+             out --once",
         ));
     }
     if !args.once
@@ -206,7 +207,7 @@ fn register_of(args: &Args, register: &str) -> Result<u16, CommandFailure> {
         .and_then(|model| model.register_named(register));
     if let Some(other) = named.filter(|named| named.address.table() != DataTable::Holding) {
         let what = format!(
-            "{} ({}) is no holding register: `write` writes no other",
+            "{} ({}) is not a holding register, and `write` writes no others",
             other.name, other.address
         );
         return Err(CommandFailure::wrong(what));

@@ -38,9 +38,11 @@ pub(super) const HELP_TEXTS: &[HelpText] = &[
     ),
     help(
         "demo",
-        "Needs nothing but this program: it simulates four drives of four makers in two groups, includes a broker, keeps a \
-         journal in a temporary directory that is removed at the end, and listens on 127.0.0.1 only. It prints the \
-         addresses and three commands to try in another terminal. Enter trips a drive; Ctrl-C stops the drives and exits. If the broker is lost, the drives are stopped within 5 s.",
+        "Needs only this program. It simulates four drives of four makers in two groups, includes \
+         a broker, keeps a journal in a temporary directory that is removed at the end, and \
+         listens on 127.0.0.1 only. It prints the addresses and three commands to try in another \
+         terminal. Enter trips a drive; Ctrl-C stops the drives and exits. If the broker is lost, \
+         the drives are stopped within 5 s.",
         &[
             ("vfd-gateway demo", "Modbus TCP on port 1502, HTTP on 8080"),
             ("vfd-gateway demo --port 0 --http-port 0", "on any free ports"),
@@ -48,9 +50,10 @@ pub(super) const HELP_TEXTS: &[HelpText] = &[
     ),
     help(
         "init",
-        "Lists the serial ports, looks for drives (which only reads), and asks what it cannot find out: names, who reaches the \
-         drives, who commands them, and what happens to the motors when that client is lost. Nothing is written before the \
-         last answer, and no configuration is overwritten. Every question has a flag; passwords are read from stdin.",
+        "Lists the serial ports, looks for drives (this only reads), and asks for what it cannot \
+         find out: names, who may reach the drives, who may command them, and what happens to the \
+         motors when that client is lost. Nothing is written before the last answer, and no \
+         configuration is overwritten. Every question has a flag; passwords are read from stdin.",
         &[
             ("vfd-gateway init", "ask everything, and write vfd-gateway.toml"),
             ("vfd-gateway init --port /dev/ttyUSB0 --ways page --command-from ''", "only watch, on the page of this host"),
@@ -94,7 +97,7 @@ pub(super) const HELP_TEXTS: &[HelpText] = &[
         "Addresses are as sent on the wire, counted from 0; a value is the word divided by its scale.",
         &[
             ("vfd-gateway models show MODEL", "show registers, units, access, trips and sources of a model"),
-            ("vfd-gateway models show MODEL --toml", "print it as a file, to begin one of your own"),
+            ("vfd-gateway models show MODEL --toml", "print it as a file, to start your own from"),
         ],
     ),
     help(
@@ -132,7 +135,8 @@ pub(super) const HELP_TEXTS: &[HelpText] = &[
             ("vfd-gateway health -c vfd-gateway.toml", "show each line and drive"),
             ("vfd-gateway health --url http://127.0.0.1:8080 --json", "for a script"),
             ("vfd-gateway health --alive", "for a container health check or another supervisor"),
-            ("vfd-gateway health --active", "for keepalived, which gives the common address to the active gateway"),
+            ("vfd-gateway health --active", "for keepalived, which moves the shared address to the \
+                                             active gateway"),
         ],
     )
     .exits(
@@ -143,7 +147,8 @@ pub(super) const HELP_TEXTS: &[HelpText] = &[
         "Two gateways may share a line (`[standby]` in the configuration): one sends, the other one listens and takes over.",
         &[
             ("vfd-gateway standby -c vfd-gateway.toml", "show on which lines this gateway sends"),
-            ("vfd-gateway standby yield", "give all lines to the other gateway, before an upgrade"),
+            ("vfd-gateway standby yield", "hand all lines over to the other gateway, before an \
+                                           upgrade"),
         ],
     ),
     help(
@@ -153,30 +158,32 @@ pub(super) const HELP_TEXTS: &[HelpText] = &[
     ),
     help(
         "standby yield",
-        "Gives the line to the other gateway and waits until that one is heard. Motors keep running: their clients have \
-         `lost_after` to connect to the other gateway. If no other one takes over, this gateway takes the line back after a \
-         while, does what `on_gateway_lost` declares, and the command fails. Without a line it does nothing where this \
-         gateway does not send, or is alone.",
+        "Hands the line over to the other gateway and waits until that one is heard. Motors keep \
+         running: their clients have `lost_after` to connect to the other gateway. If no other \
+         gateway takes over, this one takes the line back after a while, does what \
+         `on_gateway_lost` declares, and the command fails. If no line is named, lines on which \
+         this gateway does not send or is alone are skipped.",
         &[
-            ("vfd-gateway standby yield -c vfd-gateway.toml", "give all lines to the other gateway"),
-            ("vfd-gateway standby yield hall-1", "give one line to it"),
+            ("vfd-gateway standby yield -c vfd-gateway.toml", "hand all lines over to the other gateway"),
+            ("vfd-gateway standby yield hall-1", "hand one line over"),
         ],
     )
     .exits("0 handed over, or nothing to hand over; 1 not handed over or not reachable; 2 wrong usage, or no such line"),
     help(
         "standstill",
-        "For a drive that is out of sight and was not seen at standstill. Shows what was last seen of it and asks whether you \
-         have looked. The audit keeps that it was confirmed. A stop that is pending stays pending, and is sent when the drive \
-         is back.",
+        "For a drive that is out of sight and was not seen at standstill. Shows what was last seen \
+         of it and asks whether you have checked the motor. The audit records the confirmation. A \
+         pending stop stays pending, and is sent when the drive is back.",
         &[("vfd-gateway standstill pump-1 -c vfd-gateway.toml", "confirm it, after you have gone to the drive")],
     )
     .exits("0 confirmed; 1 nothing to confirm, or not reachable; 2 wrong usage, or no such drive"),
     help(
         "diagnose",
-        "The archive has what the gateway knows: its configuration with stars in place of passwords, the newest lines of the \
-         log, the newest rows of the journal, health, state and metrics, the report of each line, and the traffic of the \
-         next seconds for Wireshark. With --config it also works while the gateway does not run, with less in it. Names, \
-         addresses and host names stay in it.",
+        "The archive contains the configuration with stars in place of passwords, the newest lines \
+         of the log, the newest rows of the journal, health, state and metrics, the report of each \
+         line, and the traffic of the next seconds for Wireshark. With --config it also works \
+         while the gateway does not run, with less in it. Names, addresses and host names stay in \
+         it.",
         &[
             ("vfd-gateway diagnose", "record 10 s, and write vfd-gateway-diagnostics.tar.gz"),
             ("vfd-gateway diagnose -c vfd-gateway.toml --seconds 60 --out pump.tar.gz", "with a minute of traffic"),
@@ -198,12 +205,13 @@ pub(super) const HELP_TEXTS: &[HelpText] = &[
     ),
     help(
         "usage",
-        "Energy comes from the drive's own counter where the model has one, else it is summed up from the output power. \
-         Days are those of UTC; they are kept for a year. A reset asks the running gateway and stands in the audit.",
+        "Energy comes from the drive's own counter if the model has one; otherwise it is summed \
+         from the output power. Days are in UTC and are kept for a year. A reset is done by the \
+         running gateway and is recorded in the audit.",
         &[
             ("vfd-gateway usage -c vfd-gateway.toml", "show the last two weeks of each drive"),
             ("vfd-gateway usage pump-1 --csv", "list all days of one drive, for a spreadsheet"),
-            ("vfd-gateway usage pump-1 --reset", "begin at 0 again, with a new drive or motor"),
+            ("vfd-gateway usage pump-1 --reset", "restart at 0, with a new drive or motor"),
         ],
     ),
     help(
@@ -224,18 +232,21 @@ pub(super) const HELP_TEXTS: &[HelpText] = &[
     .exits("0 all settings are right now, 1 one is not, 2 wrong usage or configuration"),
     help(
         "qualify",
-        "The motor is uncoupled or free to turn, and your hand at the hard-wired stop. What is confirmed is accepted for this \
-         drive alone, until its model file or its identity changes.",
+        "Uncouple the motor or let it turn freely, and keep a hand on the hard-wired stop. What \
+         you confirm is accepted for this drive only, until its model file or its identity \
+         changes.",
         &[
             ("vfd-gateway qualify fan-1 -c vfd-gateway.toml --list", "show what is unproven and what was found"),
             ("vfd-gateway qualify fan-1 -c vfd-gateway.toml", "make the trials; Ctrl-C stops the motor"),
             ("vfd-gateway qualify fan-1 -c vfd-gateway.toml --report fan.json", "a file for the project, without names"),
         ],
     )
-    .exits("0 nothing was contradicted, 1 something was, or the trials ended early, 2 wrong usage or configuration"),
+    .exits("0 all was as expected, 1 something was not, or the trials ended early, 2 wrong usage \
+            or configuration"),
     help(
         "watchdog",
-        "The time without a request after which the drive itself acts. Can be set at standstill only.",
+        "The watchdog is the time without a request after which the drive itself acts. It can be \
+         set at standstill only.",
         &[
             ("vfd-gateway watchdog pump-1 -c vfd-gateway.toml", "show it"),
             ("vfd-gateway watchdog pump-1 --set 15s -c vfd-gateway.toml", "set it, after asking"),
@@ -369,15 +380,15 @@ pub(super) const HELP_TEXTS: &[HelpText] = &[
     ),
     help(
         "certificate",
-        "The authority is made once and signs only for the names it was made for, for .local and for private addresses. \
-         The gateway serves it as /authority.crt.",
+        "The authority is made once, and signs only for the names that it was made for, for .local \
+         names and for private addresses. The gateway serves its certificate as /authority.crt.",
         &[
             (
                 "vfd-gateway certificate --dir /etc/vfd-gateway/tls --name gateway.local --name 10.0.0.7",
                 "make both, and show what to configure and to install",
             ),
             ("vfd-gateway certificate --dir /etc/vfd-gateway/tls", "renew the certificate, with the same names"),
-            ("vfd-gateway certificate --dir /etc/vfd-gateway/tls --renew-within 60", "the same for a timer"),
+            ("vfd-gateway certificate --dir /etc/vfd-gateway/tls --renew-within 60", "renew it only in its last 60 days, for a timer"),
         ],
     ),
 ];

@@ -50,7 +50,7 @@ impl From<NoAnswer> for CommandFailure {
 /// The meaning of an exception, from whichever sender.
 const fn sentence(code: u8) -> &'static str {
     match code {
-        1 => "never allowed: the drive or this register is read-only, or this client may not do it",
+        1 => "not allowed: the drive or this register is read-only, or this client may not do it",
         2 => "there is no such register here, or it is not listed as writable",
         3 => "the value or the count is not allowed",
         4 => "the drive refused",

@@ -127,7 +127,7 @@ pub fn config_of(text: &str, catalog: &Catalog) -> Result<Config, CommandFailure
             let right = problem
                 .right
                 .as_ref()
-                .map(|right| format!("; right would be {right}"))
+                .map(|right| format!("; help: {right}"))
                 .unwrap_or_default();
             format!("{}: {}{right}", problem.key, problem.what)
         });

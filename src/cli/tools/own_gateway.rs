@@ -357,7 +357,7 @@ fn link_of(args: &DriveArgs, model: &Model) -> Result<LinkSettings, CommandFailu
                     format!("the factory setting of {} is not known: {text}", model.id)
                 }
                 FactorySetting::Set(settings) => format!(
-                    "{} leaves the factory with ASCII frames at {settings}",
+                    "the factory setting of {} is ASCII frames at {settings}",
                     model.id
                 ),
             };

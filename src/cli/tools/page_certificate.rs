@@ -103,7 +103,7 @@ fn open_or_generate(
         .first()
         .ok_or_else(|| at(&file, "it contains no certificate"))?;
     authority::may_sign(own, names).map_err(|error| {
-        let right = "right is another `--dir`, whose authority the clients then have to install";
+        let right = "use another `--dir`, whose authority the clients then have to install";
         at(&file, format!("{error}; {right}"))
     })?;
     let key = user_files::text(&key_file, BYTES_MAX).map_err(|error| {

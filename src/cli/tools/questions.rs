@@ -133,7 +133,8 @@ pub fn parse_word(text: &str) -> Result<u16, String> {
     };
     parsed.map_err(|_| {
         format!(
-            "`{text}` is no number from 0 to 65535; hexadecimal ones are written 0x2000 or 2000H"
+            "`{text}` is not a number from 0 to 65535; hexadecimal numbers are written 0x2000 or \
+             2000H"
         )
     })
 }
@@ -179,7 +180,7 @@ pub fn link_and_place(text: &str) -> Result<Option<(LinkSettings, Option<String>
 
 /// Settings of a line, as `9600 8N1`; `None` for an empty answer.
 fn link(text: &str) -> Result<Option<LinkSettings>, String> {
-    let wrong = || format!("`{text}` is not speed and character format, such as 9600 8N1");
+    let wrong = || format!("`{text}` is not a speed and a character format, such as 9600 8N1");
     if text.is_empty() {
         return Ok(None);
     }

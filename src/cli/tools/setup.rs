@@ -215,7 +215,7 @@ fn row(item: &SetupItemDocument) -> [String; 5] {
 /// Which drive answered, for people. `model` is the one that the configuration names.
 fn identity(identity: Option<&IdentityDocument>, model: &str) -> String {
     let Some(identity) = identity else {
-        return "the drive's identity: this model has no register that tells it\n".to_owned();
+        return "the drive's identity: this model has no register that shows it\n".to_owned();
     };
     let wanted: Vec<_> = identity.wanted.iter().map(u16::to_string).collect();
     let wanted = wanted.join(" or ");
@@ -223,7 +223,8 @@ fn identity(identity: Option<&IdentityDocument>, model: &str) -> String {
         ("right", _) => format!("{}: {model}, ok", found_as(identity)),
         ("not_tried", _) => {
             format!(
-                "{}: WRONG, {model}, but not the drive of the trials, which showed {wanted}",
+                "{}: WRONG, it is a {model}, but not the drive of the trials, which showed \
+                 {wanted}",
                 found_as(identity)
             )
         }
@@ -265,18 +266,20 @@ pub fn watchdog(watchdog: Option<&SetupWatchdogDocument>) -> String {
     let is_on = watchdog.state == "on";
     let advice = match watchdog.judged.as_deref() {
         _ if !is_on => "",
-        Some("keeps_running") => "warning: with that the motor runs on without the gateway\n",
+        Some("keeps_running") => {
+            "warning: with this setting the motor keeps running without the gateway\n"
+        }
         Some("too_short") => {
-            "warning: it is no longer than twice the longest gap between two frames, and may stop the motor although \
-             all is well; see `check`\n"
+            "warning: it is at most twice the longest gap between two frames, and may stop the \
+             motor without cause; see `check`\n"
         }
         Some("too_long") => {
-            "warning: it takes longer than a commander may be silent; see `lost_after`\n"
+            "warning: it is longer than a commander may be silent; see `lost_after`\n"
         }
         _ => "",
     };
     let volatile = if watchdog.is_stored == Some(false) && is_on {
-        "note: the drive keeps this in RAM and forgets it with its power\n"
+        "note: the drive keeps this in RAM and loses it with its power\n"
     } else {
         ""
     };
@@ -393,7 +396,7 @@ mod tests {
         let said = report(&setup(items, Value::Null));
         let expected = "\
 drive d (m on l)
-the drive's identity: this model has no register that tells it
+the drive's identity: this model has no register that shows it
   C1  source: bus  wanted 3 (bus) or 5  found 3 (bus)  ok
   C1  source: bus  wanted 3 (bus) or 5  found 2        WRONG
   C1  source: bus  wanted 3 (bus) or 5  -              not answered: the drive did not answer

@@ -72,15 +72,14 @@ pub async fn confirmed(client: &mut UnitClient, word: u16) -> Result<(), Command
             Ok(Shown::Effect) => return Ok(()),
             Ok(Shown::NoEffect) => "but the drive shows no effect".to_owned(),
             Ok(Shown::Run) => "but the drive has been ordered to run again".to_owned(),
-            Ok(Shown::Silence) => "but then the drive does not answer any more".to_owned(),
+            Ok(Shown::Silence) => "but then the drive no longer answers".to_owned(),
             Ok(Shown::Nothing) if Instant::now() < until => {
                 sleep(LOOK_EVERY).await;
                 continue;
             }
-            Ok(Shown::Nothing) => format!(
-                "but its effect is not seen within {} s",
-                EFFECT_WITHIN.as_secs()
-            ),
+            Ok(Shown::Nothing) => {
+                format!("but no effect is seen within {} s", EFFECT_WITHIN.as_secs())
+            }
             Err(error) => format!("but its effect cannot be seen: {error}"),
         };
         return Err(CommandFailure::failed(format!(

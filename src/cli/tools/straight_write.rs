@@ -23,8 +23,8 @@ const AT_REST_WITHIN: Duration = Duration::from_secs(30);
 /// Wait between two checks of that.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
 /// The consequence of killing this program.
-const WARNING: &str = "directly on a port: if this program is killed or the cable is lost, only the drive's own watchdog \
-                       stops the motor\n";
+const WARNING: &str = "warning: directly on a port, only the drive's own watchdog stops the motor \
+                       if this program is killed or the cable is lost\n";
 
 /// Options that apply only directly on a port.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -141,8 +141,8 @@ fn basics_are_accepted(model: &Model, accepted: &[String]) -> Result<(), Command
     }
     let what: Vec<_> = unproven.iter().map(BasicFact::described).collect();
     Err(CommandFailure::wrong(format!(
-        "{} takes no orders to move: not proven by a manual of it: {}; add --accept-unverified {basic} if you have seen \
-         a stop work",
+        "{} takes no orders to move, because no manual of it proves {}; add --accept-unverified \
+         {basic} if you have seen a stop work",
         model.id,
         what.join(", ")
     )))

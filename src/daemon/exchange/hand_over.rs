@@ -64,7 +64,8 @@ impl HandOver {
                 )
             }
             Self::NoAnswer => {
-                "the line was not given up in time: orders were under way all the while".to_owned()
+                "the line was not handed over in time: orders were still being carried out"
+                    .to_owned()
             }
             Self::NotActive => {
                 "this gateway does not send on the line: there is nothing to hand over".to_owned()

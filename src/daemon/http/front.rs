@@ -166,7 +166,7 @@ fn read_hash(path: &Path) -> Result<StoredHash, String> {
     let text = secret_files::read(path).map_err(|error| error.to_string());
     let hash =
         text.and_then(|text| StoredHash::parse(&text).map_err(|why| format!("the text {why}")));
-    hash.map_err(|why| format!("{why}; right is what `vfd-gateway password` prints"))
+    hash.map_err(|why| format!("{why}; help: the line that `vfd-gateway password` prints"))
 }
 
 fn read_tls(tls: &HttpTls) -> Result<FrontTls, String> {

@@ -215,7 +215,8 @@ fn log(notice: SessionNotice) {
         ),
         SessionNotice::ClientsGone(topic) => tracing::warn!(
             topic,
-            "alive topic says that the clients of the broker are offline; what MQTT holds is given up after `lost_after`"
+            "alive topic says that the clients of the broker are offline; control over MQTT ends \
+             after `lost_after`"
         ),
         SessionNotice::ClientsBack => {
             tracing::info!("clients of the broker are online again by the alive topic")

@@ -48,8 +48,8 @@ fn not_by_kernel(call: &str, why: &str) -> String {
         format!("TIOCSRS485 (asked by {call})")
     };
     format!(
-        "`rs485 = \"kernel\"` needs {call}: {why}; right is \"adapter\" where the adapter turns the direction itself, as \
-         USB adapters do, or \"rts\" where its direction hangs on RTS"
+        "`rs485 = \"kernel\"` needs {call}: {why}; use \"adapter\" where the adapter turns the \
+         direction itself, as USB adapters do, or \"rts\" where its direction hangs on RTS"
     )
 }
 

@@ -92,11 +92,13 @@ impl SerialPort {
     fn set_up(&mut self, device: &Path, settings: &PortSettings) -> Result<(), OpenError> {
         match settings.direction {
             DirectionControl::Adapter => {}
-            DirectionControl::Kernel => driver::turn_direction(self.fd()).map_err(OpenError::Direction)?,
+            DirectionControl::Kernel => {
+                driver::turn_direction(self.fd()).map_err(OpenError::Direction)?
+            }
             DirectionControl::Rts => self.set_rts(false).map_err(|error| {
                 OpenError::Direction(format!(
-                    "`rs485 = \"rts\"` needs a port with the line RTS (TIOCMBIC): {error}; right is \"adapter\" where the \
-                     adapter turns the direction itself"
+                    "`rs485 = \"rts\"` needs a port with the line RTS (TIOCMBIC): {error}; use \
+                     \"adapter\" where the adapter turns the direction itself"
                 ))
             })?,
         }

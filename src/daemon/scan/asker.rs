@@ -147,7 +147,8 @@ impl LineAsker for PortAsker {
             .await;
         let counted = self.counted()?;
         if counted.other_master > 0 {
-            let what = "the line is in use: requests of another master were heard; stop that master and scan again";
+            let what = "the line is in use: requests from another master were heard; stop that \
+                        master and scan again";
             return Err(ScanError::new(what));
         }
         match read {

@@ -12,7 +12,7 @@ use std::net::{Ipv4Addr, SocketAddr};
 
 const BUTTON: &str = "#line-hall-1 .yield button";
 const RESULT: &str = "#line-hall-1 .yield .result";
-const MISSING: &str = "das andere Gateway des Paars ist nicht da";
+const MISSING: &str = "das andere Gateway des Paars fehlt";
 const STATE: &str = "#line-hall-1 .state";
 
 /// A pair at `broker` with a page on each half, for anna who maintains and bob who operates. `a` is active and runs both

@@ -90,7 +90,7 @@ impl<'a> DriveAcceptance<'a> {
             let lost: Vec<_> = lost.map(|it| it.keyword()).collect();
             if !lost.is_empty() {
                 let what = format!(
-                    "what was qualified at this drive no longer counts ({}): {why}",
+                    "the trials at this drive no longer count ({}): {why}",
                     lost.join(", ")
                 );
                 problems.push(
@@ -108,11 +108,12 @@ impl<'a> DriveAcceptance<'a> {
         else {
             return;
         };
-        let what = "the drive is being qualified: a person at this host may try what its model leaves unproven";
+        let what = "the drive is being qualified: a person at this host may try what is unproven \
+                    for its model";
         problems.push(
             location
                 .problem(what)
-                .right("leave it out when the trials are done")
+                .right("remove it when the trials are done")
                 .warning(),
         );
         if let Some(lost) = self

@@ -5,7 +5,7 @@ use crate::domain::ids::Name;
 use crate::domain::problem::Problem;
 use crate::toml_file::{KeyLocation, OptionalKey};
 
-const ENDED: &str = "the broker would end one connection for the other";
+const ENDED: &str = "the broker would close one connection when the other opens";
 
 /// The Sparkplug connection has another identifier than that of `[mqtt]`, of this gateway and of its partner. The Sparkplug
 /// connections of a pair have the same one: there is one at a time.

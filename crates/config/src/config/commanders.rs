@@ -188,8 +188,9 @@ fn tells_old_from_new(control: &ControlFile, mqtt: Option<&MqttFile>, problems: 
     let least = least_restart_delay(interval);
     if delay.value < least {
         let what = format!(
-            "{} is too short to tell a RUN that waited in front of the broker from one that was sent after the stop: with \
-             `probe_interval` = \"{}\" one may wait {} before that is noticed",
+            "{} is too short to distinguish a RUN that waited at the broker from one that was sent \
+             after the stop: with `probe_interval` = \"{}\" a RUN may wait {} before that is \
+             noticed",
             duration_text(delay.value),
             duration_text(interval),
             duration_text(unnoticed(interval)),
@@ -211,8 +212,8 @@ fn tells_old_from_new_on_the_page(control: &ControlFile, problems: &mut Vec<Prob
     };
     if delay.value < least {
         let what = format!(
-            "{} is too short to tell a RUN of the page that waited on its way from one that was sent after the stop: one may \
-             wait {} before that is noticed",
+            "{} is too short to distinguish a RUN of the page that waited on its way from one that \
+             was sent after the stop: a RUN may wait {} before that is noticed",
             duration_text(delay.value),
             duration_text(moments::AGE_MAX),
         );

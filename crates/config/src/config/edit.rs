@@ -21,7 +21,7 @@ pub struct EditedText {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CannotEdit {
     /// It is no TOML.
-    #[error("the file is no valid TOML: {0}")]
+    #[error("the file is not valid TOML: {0}")]
     NoToml(String),
     /// There is no such drive.
     #[error("the file has no drive `{0}`")]
@@ -35,9 +35,7 @@ pub enum CannotEdit {
     )]
     Inline(&'static str, String),
     /// The change would alter something else.
-    #[error(
-        "the file is written in a way that this change would alter something else; add this in the file: {0}"
-    )]
+    #[error("in this file the change would alter something else; add this in the file: {0}")]
     Alters(String),
 }
 

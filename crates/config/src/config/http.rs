@@ -117,7 +117,7 @@ fn viewers_can_sign_in(http: &HttpFile, problems: &mut Vec<Problem>) {
     if view.value == PageViewers::SignedIn && http.users.is_empty() {
         let problem = view
             .location
-            .problem("nobody can sign in: there are no `users`");
+            .problem("no one can sign in: there are no `users`");
         problems.push(problem.right(
             "a `[[http.users]]`, with `role = \"view\"` for one who only looks, or \"anyone\"",
         ));

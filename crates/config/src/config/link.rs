@@ -251,7 +251,7 @@ fn shared_factory<T: Copy + PartialEq>(
                 (Some(value), _) => format!("{} {}", on_line.model.id, (it.part.written)(value)),
                 (None, FactorySetting::Set(of_ascii)) => {
                     format!(
-                        "{} leaves the factory with ASCII frames at {of_ascii}",
+                        "the factory setting of {} is ASCII frames at {of_ascii}",
                         on_line.model.id
                     )
                 }

@@ -73,7 +73,7 @@ use std::path::PathBuf;
 /// # Errors
 /// The text is not a valid port: what is wrong, and what would be right.
 pub fn port_address(text: &str) -> Result<PortAddress, String> {
-    port_address::parse(text).map_err(|(what, right)| format!("{what}; right would be {right}"))
+    port_address::parse(text).map_err(|(what, right)| format!("{what}; help: {right}"))
 }
 
 /// Parses the port of a serial line, for tools that look for drives at each station and setting.
@@ -85,9 +85,11 @@ pub fn serial_port_address(text: &str) -> Result<PortAddress, String> {
     if address.is_serial_line() {
         return Ok(address);
     }
-    Err("drives are looked for on serial lines only; right would be a `[[line]]` with this port, and the unit of each \
-         drive as its `station`"
-        .to_owned())
+    Err(
+        "drives can be searched only on serial lines; help: a `[[line]]` with this port, and the \
+         unit of each drive as its `station`"
+            .to_owned(),
+    )
 }
 
 /// The model directories of `text`, whose models belong to the catalog that it is [loaded](load) with; each with its

@@ -90,8 +90,8 @@ pub(super) fn probed_often(file: &MqttFile, whole: &ConfigFile, problems: &mut V
     let unnoticed = duration_text(unnoticed(*interval));
     let longest = duration_text(LONGEST_LEAST);
     let what = format!(
-        "a command could wait {unnoticed} in front of the broker before that is noticed, so that no RUN could be taken \
-         for more than {longest} after a stop"
+        "a command could wait {unnoticed} at the broker before that is noticed, so no RUN could be \
+         accepted for more than {longest} after a stop"
     );
     problems.push(
         location
@@ -355,7 +355,7 @@ fn password(file: &MqttFile, problems: &mut Vec<Problem>) {
     let from_env = location(&file.password_env);
     if let (Some(_), Some(from_env)) = (from_file, from_env) {
         let problem =
-            from_env.problem("the password is named twice: `password_file` is there as well");
+            from_env.problem("the password is given twice: `password_file` is there as well");
         problems.push(problem.right("one of the two"));
     }
     if let (Some(password), OptionalKey::Absent) = (from_file.or(from_env), &file.user) {

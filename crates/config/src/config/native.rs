@@ -203,7 +203,7 @@ fn find_listed<'m>(
     {
         let problem = written
             .location
-            .problem(format!("`{}` is no holding register", register.name));
+            .problem(format!("`{}` is not a holding register", register.name));
         return Err(problem.right("leave it out: only holding registers can be made writable"));
     }
     found

@@ -69,7 +69,7 @@ fn read_point_table<T: Copy>(
     };
     if !is_published {
         let problem = location.problem(format!(
-            "has no effect: {what} is about what goes to a broker, and there is no `[mqtt]`"
+            "has no effect: {what} applies only to a broker, and there is no `[mqtt]`"
         ));
         problems.push(problem.right("leave it out").warning());
     }

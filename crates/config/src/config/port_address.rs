@@ -52,7 +52,7 @@ pub(super) fn parse(text: &str) -> Result<PortAddress, Wrong> {
             let right = format!(
                 "the port that the serial device server listens on, as \"tcp://{bracketed}:4001\""
             );
-            return wrong("names no port, and there is no usual one", &right);
+            return wrong("has no port, and there is no default one", &right);
         }
     };
     let Some(port) = number else {
@@ -157,8 +157,8 @@ mod tests {
             ("tcp://:4001", "has no usable host", usual),
             ("tcp://a b:4001", "has no usable host", usual),
             ("tcp://fd00::7:4001", "has no usable port", "1 to 65535"),
-            ("tcp://10.0.0.7", "names no port", "\"tcp://10.0.0.7:4001\""),
-            ("tcp://[::1]", "names no port", "\"tcp://[::1]:4001\""),
+            ("tcp://10.0.0.7", "has no port", "\"tcp://10.0.0.7:4001\""),
+            ("tcp://[::1]", "has no port", "\"tcp://[::1]:4001\""),
             ("tcp://10.0.0.7:", "has no usable port", "1 to 65535"),
             ("tcp://10.0.0.7:0", "has no usable port", "1 to 65535"),
             ("tcp://10.0.0.7:65536", "has no usable port", "1 to 65535"),

@@ -281,8 +281,9 @@ const BRIDGES: [Ipv4Net; 2] = [
 ];
 
 /// The warning about a list that names one of [`ListenerSettings::bridges`].
-pub const BEHIND_A_BRIDGE: &str = "behind the bridge of a container every client may come from there, whatever its own address; use the \
-                                   host's network (--network host) and list the addresses of the clients";
+pub const BEHIND_A_BRIDGE: &str = "behind a container's bridge every client may appear with this \
+                                   address; use the host's network (--network host) and list the \
+                                   addresses of the clients";
 
 impl ListenerSettings {
     /// The default networks of container bridges that its lists name: in a container behind such a bridge, all clients

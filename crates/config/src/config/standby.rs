@@ -38,7 +38,7 @@ pub(super) fn settle(
             "`{}` is the name of this gateway itself",
             half.value
         ));
-        problems.push(problem.right("what the other gateway has as its `half`"));
+        problems.push(problem.right("the `half` of the other gateway"));
     }
     Some(StandbyPair {
         half: half?.value.clone(),
@@ -85,7 +85,7 @@ pub(super) fn check(file: &ConfigFile, problems: &mut Vec<Problem>) {
             .filter_map(|drive| drive.station.as_ref());
         for station in stations.filter(|station| station.value == signal::STATION) {
             let what = format!(
-                "the gateways of a line use station {} among themselves",
+                "the gateways of a line use station {} for themselves",
                 station.value
             );
             problems.push(

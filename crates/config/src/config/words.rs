@@ -245,7 +245,7 @@ pub(super) const fn of_commands(is_strict: bool) -> &'static str {
 /// The meaning of a kind of ownership, for messages.
 pub(super) const fn of_ownership(ownership: Ownership) -> &'static str {
     match ownership {
-        Ownership::One => "only who holds control commands",
+        Ownership::One => "only the client that holds control commands",
         Ownership::Any => "control passes to the client that commands last",
     }
 }

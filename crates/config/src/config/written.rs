@@ -95,7 +95,10 @@ impl NewLine {
             let _ = writeln!(text, "framing = \"ascii\"\ndata_bits = {data_bits}");
         }
         if *echoes {
-            text.push_str("# The adapter sends back what is sent. Better switch that off there.\necho = \"strip\"\n");
+            text.push_str(
+                "# The adapter echoes what is sent. If you can, switch that off at the adapter.\n\
+                 echo = \"strip\"\n",
+            );
         }
         for drive in drives {
             drive.write(&mut text);

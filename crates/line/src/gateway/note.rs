@@ -27,7 +27,8 @@ pub enum DriveNote {
         action: FailSafe,
     },
     /// The drive could not be reached for so long that its client lost control of it, although the client is there.
-    #[error("the drive is out of reach, and {owner} holds no control of it any more: the declared action is {}", .action.keyword())]
+    #[error("the drive is out of reach, and {owner} no longer controls it: the declared action is \
+             {}", .action.keyword())]
     OutOfReach {
         /// The client.
         owner: Owner,
@@ -50,7 +51,7 @@ pub enum DriveNote {
     #[error("ALARM: the drive is out of sight, {}: it may still run, go to the drive", last_seen(.0))]
     MayStillRun(Option<LastSeen>),
     /// A person confirmed that the motor of a drive that is out of sight stands.
-    #[error("{by} confirmed that the motor stands")]
+    #[error("{by} confirmed that the motor stands still")]
     StandstillConfirmed {
         /// The person.
         by: Owner,
@@ -73,7 +74,7 @@ pub enum DriveNote {
     #[error("the reset word may remain in the drive's run command: clearing it")]
     ResetTakenBack,
     /// The drive has not followed a start in several words.
-    #[error("the drive has not followed the start: taking it back")]
+    #[error("the drive has not followed the start: withdrawing it")]
     StartTakenBack,
     /// A client repeatedly stops the drive although others start it.
     #[error(
@@ -106,7 +107,9 @@ pub enum DriveNote {
     SetpointOutside,
     /// The drive does not show what every drive of its model shows.
     #[error(
-        "ALARM: register {register} holds {held}, which no drive of its model shows: no reading of it is shown as good, and it takes no orders. Are the addresses of the model its own, and is it this drive?"
+        "ALARM: register {register} holds {held}, which no drive of its model shows: no reading of \
+         it is shown as good, and it takes no orders. Check that it is this model, and that its \
+         addresses are those of the model"
     )]
     Implausible {
         /// The register.
@@ -167,19 +170,22 @@ pub enum DriveNote {
     GatewayLost(FailSafe),
     /// The line was handed over, or came back because no other gateway took it: the drive goes on for a while.
     #[error(
-        "the other gateway of the line is lost: the drive goes on, and its client has the time of a lost one to come back"
+        "the other gateway of the line is lost: the drive keeps running, and its client has \
+         `lost_after` to come back"
     )]
     Adopted,
     /// The line was handed over, or came back because no other gateway took it, and no gateway takes the order up: its
     /// direction is not known, or a stop from before had no effect yet.
     #[error(
-        "the line was given up on purpose, and no gateway takes up the order of the drive: the declared action is {}",
+        "the line was handed over, and no gateway takes up the order of the drive: the declared \
+         action is {}",
         .0.keyword()
     )]
     LineGiven(FailSafe),
     /// The line was given up on purpose, and the drive goes on until its client has had the time of a lost one.
     #[error(
-        "the line was given up on purpose: the drive goes on, and its client has the time of a lost one to come here"
+        "the line was handed over: the drive keeps running, and its client has `lost_after` to \
+         connect here"
     )]
     GoesOn,
     /// A stop is sent while another gateway or master has the line: one frame of two masters.
@@ -249,11 +255,11 @@ fn silence(silent_for: &Option<Duration>) -> String {
     match silent_for {
         Some(time) => {
             format!(
-                "no other gateway or master was heard at work for {:.1} s",
+                "no other gateway or master was heard for {:.1} s",
                 time.as_secs_f64()
             )
         }
-        None => "no other gateway or master was heard at work since the port was opened".to_owned(),
+        None => "no other gateway or master was heard since the port was opened".to_owned(),
     }
 }
 
@@ -276,9 +282,10 @@ const fn given_up(change: &StandbyChange) -> &'static str {
         }
         StandbyChange::Rival => "another master was heard",
         StandbyChange::Collided => "it was taken over by another gateway at the same moment",
-        StandbyChange::Yielded => "it was given up on request",
+        StandbyChange::Yielded => "it was handed over on request",
         StandbyChange::Deaf => {
-            "line_deaf, no drive was heard for some seconds: the receiver may be dead, or speed or polarity may be wrong"
+            "line_deaf, no drive was heard for some seconds: the receiver may be dead, or speed or \
+             polarity wrong"
         }
         StandbyChange::TakenOver | StandbyChange::HandedOver => "it was taken over",
     }

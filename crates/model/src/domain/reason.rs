@@ -90,7 +90,7 @@ reasons! {
     /// The id was used before for another command.
     Duplicate = 27, "duplicate", "the id was used before";
     /// Its deadline passed.
-    TooLate = 28, "too_late", "it could not be sent before its deadline";
+    TooLate = 28, "too_late", "the command could not be sent before its deadline";
     /// Cancelled by a stop.
     Stopped = 29, "stopped", "cancelled by a stop";
     /// Replaced by a newer command.
@@ -118,7 +118,7 @@ reasons! {
     /// The gateway is shutting down.
     ShuttingDown = 41, "shutting_down", "the gateway is shutting down";
     /// Its client was lost before it was sent.
-    CommanderLost = 42, "commander_lost", "its client was lost before it was sent";
+    CommanderLost = 42, "commander_lost", "the client was lost before the command was sent";
     /// The control section does not allow a release.
     NoRelease = 43, "no_release", "the drive's control section has no `allow_release`";
     /// The motor may be turning.
@@ -132,7 +132,8 @@ reasons! {
     /// The drive does not obey the bus.
     LocalControl = 48, "local_control", "the drive obeys its panel or terminals, not the bus";
     /// The drive's own watchdog is required, but off, too long or unknown.
-    Watchdog = 49, "watchdog", "the drive's own watchdog is not known to be on and short enough";
+    Watchdog = 49, "watchdog", "it is not known whether the drive's own watchdog is on and its \
+                                time short enough";
     /// A stored register was written a moment ago.
     WrittenTooOften = 50, "written_too_often", "this register is stored in memory that wears out: write it less often";
     /// The control section does not allow control to be taken over.
@@ -158,13 +159,14 @@ reasons! {
     /// The drive answered with the exception by which it says that a trip holds.
     DriveInTrip = 61, "drive_in_trip", "the drive answered that it does not do this during a trip";
     /// The drive did not show in time that it has followed a word of the start.
-    NotReady = 62, "not_ready", "the drive did not get ready to start: the start was taken back";
+    NotReady = 62, "not_ready", "the drive did not become ready to start: the start was withdrawn";
     /// The sign of the setpoint would order a direction, and the one in force is another or not known.
     SignUnknown = 63, "sign_unknown", "the sign of a setpoint alone could turn the motor round: order run with it";
     /// One word of a value of two words: both are written together or not at all.
     HalfAValue = 64, "half_a_value", "the register is half of a value of two words: write both words in one request of function 10 hex";
     /// The drive did not take the word after which written parameters act or are stored.
-    NotCommitted = 65, "not_committed", "the parameters were written, but the drive did not take the word after which they act or outlast its power";
+    NotCommitted = 65, "not_committed", "the parameters were written, but the drive did not accept \
+                                         the word that puts them into effect or stores them";
     /// Another gateway of the line is active.
     Standby = 66, "standby", "this gateway is on standby: another one is active on the line";
     /// The drive has not shown what every drive of its model shows.

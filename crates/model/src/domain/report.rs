@@ -37,7 +37,7 @@ pub enum LineFault {
     #[error("the adapter echoes what is sent: switch its echo off, or set `echo = \"strip\"`")]
     Echo,
     /// What is received is no stream of Modbus TCP messages. The connection is closed and opened again.
-    #[error("out of step: what the peer sends is no Modbus TCP message")]
+    #[error("out of step: what the peer sends is not a Modbus TCP message")]
     OutOfStep,
     /// Something on the line sends without a pause. Only stops are still tried.
     #[error("jammed: something on the line never stops sending")]

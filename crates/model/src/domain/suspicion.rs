@@ -14,8 +14,8 @@ pub enum LineSuspicion {
     NothingHeard,
     /// A Modbus TCP server takes requests and sends nothing.
     #[error(
-        "nothing received from the Modbus TCP server: check that it is one and not a device server in raw mode, the units \
-         of the drives, and whether it serves another client only"
+        "nothing received from the Modbus TCP server: check that it is one and not a device server \
+         in raw mode, the units of the drives, and whether it serves only one client"
     )]
     ServerSilent,
     /// Bytes arrive but never a frame, and fewer bytes than the expected replies have.
@@ -48,8 +48,8 @@ pub enum LineSuspicion {
     NotModbusTcp,
     /// Sound frames that do not answer the requests, one for each.
     #[error(
-        "station {} answers requests with sound frames of the wrong form, one for each: {reply} to {request}; check that the \
-         model is the right one, and what is between (wrong_replies)", .station.0
+        "station {} answers each request with a valid frame of the wrong form: {reply} to \
+         {request}; check that the model is the right one, and what is in between (wrong_replies)", .station.0
     )]
     WrongReplies {
         /// Who answers so.

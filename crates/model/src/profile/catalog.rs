@@ -20,7 +20,7 @@ pub struct Catalog {
 struct CatalogEntry {
     file: Cow<'static, str>,
     text: Cow<'static, str>,
-    /// `None`: the file is not sound.
+    /// `None`: the file is not valid.
     model: OnceLock<Option<Arc<Model>>>,
 }
 

@@ -58,7 +58,7 @@ pub struct ValueKind<'k, T> {
 type Read<'k, T> = dyn Fn(&DeValue<'_>) -> Result<T, WrongValue> + 'k;
 
 impl<'k, T: 'k> ValueKind<'k, T> {
-    /// What is right, as it follows "right would be": `a whole number from 1 to 9`.
+    /// What is right, as it follows "help:": `a whole number from 1 to 9`.
     #[must_use]
     pub fn right(&self) -> &str {
         &self.right

@@ -128,7 +128,7 @@ pub fn object(payload: &[u8], example: &str) -> Result<Map<String, Value>, Refus
             "a JSON object was expected, such as {example}"
         ))),
         Err(error) => Err(not_understood(format!(
-            "invalid JSON ({error}); right is, for example, {example}"
+            "invalid JSON ({error}); an example: {example}"
         ))),
     }
 }
@@ -294,7 +294,7 @@ pub fn short_number(text: &str, example: &str) -> Result<(), RefusedCommand> {
         return Ok(());
     }
     let message = format!(
-        "`{}` is longer than {NUMBER_CHARS_MAX} characters; right is, for example, {example}",
+        "`{}` is longer than {NUMBER_CHARS_MAX} characters; an example: {example}",
         short(text)
     );
     Err(not_understood(message))
@@ -369,9 +369,7 @@ impl OrderWords {
 /// Refused because it orders nothing; `example` is shown to people.
 #[must_use]
 pub fn orders_nothing(example: &str) -> RefusedCommand {
-    not_understood(format!(
-        "the command orders nothing; right is, for example, {example}"
-    ))
+    not_understood(format!("the command orders nothing; an example: {example}"))
 }
 
 /// The word of `run`.

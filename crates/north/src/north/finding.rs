@@ -73,38 +73,45 @@ signs! {
     // The gateway.
     BrokerContested "broker_contested" Problem "another client uses the gateway's client identifier at the broker"
     BrokerUnreachable "broker_unreachable" Problem "the gateway has no connection to the broker"
-    Oversized "oversized" Hint "documents are not published, because they are larger than the broker takes"
-    ClientsGone "clients_gone" Hint "`alive_topic` says that the clients of the broker are offline, so what MQTT holds is given up"
-    PartnerMissing "partner_missing" Problem "the other gateway of `[standby]` is not there, by its own words on MQTT"
+    Oversized "oversized" Hint "documents are not published, because they are larger than the \
+                                broker accepts"
+    ClientsGone "clients_gone" Hint "`alive_topic` says that the clients of the broker are \
+                                     offline, so the control that MQTT holds ends"
+    PartnerMissing "partner_missing" Problem "the other gateway of `[standby]` is offline, as MQTT \
+                                              says"
     JournalBroken "journal_broken" Problem "the journal cannot be written"
     JournalMovedAside "journal_moved_aside" Hint "the journal was damaged; a new one was begun and the old one kept"
     JournalReplaced "journal_replaced" Hint "the journal's file was deleted or replaced while the gateway ran"
     JournalRowsLost "journal_rows_lost" Hint "rows of the journal were lost since the start"
     SocketMissing "socket_missing" Problem "the program's own commands do not reach the gateway"
     // A line.
-    LineHangs "line_hangs" Problem "the line's thread does not run, so no stop leaves there"
+    LineHangs "line_hangs" Problem "the line's thread does not run, so no stop can be sent on the \
+                                    line"
     Suspicion "suspicion" Problem "what is suspected of the line as a whole"
     LineDown "line_down" Problem "the line is down, and why"
     PortLost "port_lost" Problem "the adapter went away and came back"
     Suspended "suspended" Problem "so many exchanges fail that RUN is refused"
     BadExchanges "bad_exchanges" Hint "some of the last exchanges failed"
-    OtherMaster "other_master" Problem "requests of another master"
-    NoListener "no_listener" Problem "no other gateway answers on the line: none would take it over from this one"
-    NoGatewayActive "no_gateway_active" Problem "this gateway is on standby for the line, and hears no active one"
+    OtherMaster "other_master" Problem "requests from another master"
+    NoListener "no_listener" Problem "no other gateway answers on the line: if this one fails, \
+                                      none takes it over"
+    NoGatewayActive "no_gateway_active" Problem "this gateway is on standby for the line, and no \
+                                                 active one is heard"
     RivalOnLine "rival_on_line" Problem "another master was heard while this gateway was active on a line with several gateways: while it is heard, nothing is polled and no RUN is accepted"
-    LineDeaf "line_deaf" Problem "this gateway hears no sound frame on a line with several gateways: its receiver, the speed or the polarity"
+    LineDeaf "line_deaf" Problem "this gateway receives no valid frame on a line with several \
+                                  gateways: check its receiver, the speed and the polarity"
     FilesDiffer "files_differ" Problem "the other gateway of the line has other drives, limits or declared actions there"
     Stranger "stranger" Problem "frames of stations that are not configured"
     Floating "floating" Hint "bytes that belong to no frame, before replies or between exchanges: bias and termination"
     OverFull "over_full" Hint "polls that need more than the line's time"
-    EchoStripped "echo_stripped" Good "an echo that is taken out, as configured"
+    EchoStripped "echo_stripped" Good "an echo of the adapter, which is removed as configured"
     FewExchanges "few_exchanges" Hint "too few exchanges to judge"
-    Fine "good" Good "nothing is wrong"
+    Fine "good" Good "no problems were found"
     // A drive.
     MayStillRun "may_still_run" Danger "the drive is out of sight and was not seen at standstill: its motor may still run"
     Tripped "tripped" Trip "the drive is tripped"
     Offline "offline" Problem "the drive does not answer"
-    Warns "warns" Hint "the drive shows a warning, and goes on"
+    Warns "warns" Hint "the drive shows a warning, and keeps working"
     Implausible "implausible" Problem "the drive does not show what every drive of its model shows: nothing read from it counts"
     UndocumentedState "undocumented_state" Hint "the drive shows a state that no document names: it proves nothing"
     RegisterRefused "register_refused" Hint "the drive refuses to show a register; a problem where run state or trips are read there"
@@ -118,7 +125,8 @@ signs! {
     SetpointOutside "setpoint_outside" Hint "the drive's setpoint is outside the limits of its control section"
     StoppedAgain "stopped_again" Hint "a controller stops the drive again and again although others start it"
     CommanderLost "commander_lost" Hint "the commander was lost, and how far the declared action has come"
-    FailSafe "failsafe" Hint "the same for a declared action of another cause: the drive was out of reach, or another gateway was lost"
+    FailSafe "failsafe" Hint "the drive was out of reach, or another gateway was lost, and how far \
+                              the declared action has come"
     DuplicateStation "duplicate_station" Problem "the drive answers more often than it is asked"
     LateBeyondLimit "late_beyond_limit" Problem "replies that came later than `max_lateness` allows"
     FirstCharacters "first_characters" Hint "damaged replies in which only the first characters are wrong"

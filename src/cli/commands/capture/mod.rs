@@ -94,7 +94,7 @@ pub fn capture(args: &Args) -> Result<(), CommandFailure> {
             CaptureEnd::Wanted => Ok(()),
             CaptureEnd::Lost(reason) => {
                 let kept = format!(
-                    "{} frames until then are in {}",
+                    "the {} frames until then are in {}",
                     capture.frames,
                     capture.place()
                 );
@@ -150,7 +150,7 @@ impl EventSource<'_> {
             Some(event) if event.name == "begin" => {
                 serde_json::from_str(&event.data).map_err(|error| error.to_string())
             }
-            _ => Err("it did not describe the line".to_owned()),
+            _ => Err("the gateway did not describe the line".to_owned()),
         }
     }
 

@@ -43,7 +43,7 @@ pub(super) fn describe(
     polls(text, drive, budget, reads)?;
     lateness(text, line, drive)?;
     for (what, key) in shown_in_per_cent(model, &drive.ratings) {
-        writeln!(text, "    {what} is shown in per cent only: give {key}")?;
+        writeln!(text, "    {what} is shown only in per cent: set {key}")?;
     }
     if let Some(control) = &drive.control {
         commands(text, control, model, mqtt)?;
@@ -77,7 +77,7 @@ fn lateness(text: &mut String, line: &LineSettings, drive: &DriveSettings) -> Re
             text,
             "    a reply is waited for up to {waits}, behind a converter longer than the converter's own time-out;"
         )?;
-        return writeln!(text, "    a late one is mistaken for no other");
+        return writeln!(text, "    a late reply cannot be mistaken for another");
     }
     let learned = if timeouts.learns {
         ", shorter once its reply times are known"
@@ -508,7 +508,7 @@ write = ["127.0.0.1/32"]
         let catalog = Catalog::from_texts([("everything.toml", model)]).unwrap();
         let said = |text: &str| super::super::report(&config::load(text, &catalog).unwrap());
         let expected = "
-    current is shown in per cent only: give rated_current_a
+    current is shown only in per cent: set rated_current_a
     commands from modbus-tcp: 5.00 to 50.00 Hz, forward
     command deadline 1s < lease 10s
     one commander at a time

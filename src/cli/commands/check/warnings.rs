@@ -59,7 +59,7 @@ pub(super) fn takes_control(model: &Model) -> Option<String> {
 
 /// The polls keep the drive's own watchdog from noticing that its commander is gone.
 pub(super) fn feeds_watchdog(model: &Model, control: &ControlSettings) -> Option<String> {
-    let text = "with hold its polls go on and keep its watchdog fed when the commander is gone";
+    let text = "with hold its polls continue, and keep its watchdog fed when the commander is gone";
     (model.watchdog.is_some() && control.on_commander_lost == FailSafe::Hold)
         .then(|| text.to_owned())
 }

@@ -114,7 +114,8 @@ fn given(args: &Args, catalog: &Catalog, port: PortAddress) -> Result<NewLine, C
 fn given_drive(text: &str, catalog: &Catalog) -> Result<NewDrive, CommandFailure> {
     let wrong = || {
         CommandFailure::wrong(format!(
-            "--drive {text}: right is NAME=MODEL@STATION, such as pump-1=MODEL@1 with a model of `models list`"
+            "--drive {text}: expected NAME=MODEL@STATION, such as pump-1=MODEL@1 with a model of \
+             `models list`"
         ))
     };
     let (name, rest) = text.split_once('=').ok_or_else(wrong)?;
@@ -135,7 +136,7 @@ fn given_drive(text: &str, catalog: &Catalog) -> Result<NewDrive, CommandFailure
         name.to_string(),
         Arc::clone(model),
         station,
-        "as you said".to_owned(),
+        "as given".to_owned(),
     ))
 }
 
@@ -172,7 +173,8 @@ fn found<R: BufRead>(
         |plan| {
             let (silent, _) = plan.duration();
             print(&format!(
-                "Looking for drives on {port}, which only reads: {} at most before the first answers.\n",
+                "Looking for drives on {port} (this only reads): {} at most before the first \
+                 answers.\n",
                 seconds(silent)
             ))
         },
@@ -238,7 +240,7 @@ fn models_of<R: BufRead>(
         match (&drive.fits[..], preferred) {
             ([], _) => (),
             (_, Some(model)) => {
-                drop(known.insert(drive.station, (Arc::clone(model), "as you said".to_owned())))
+                drop(known.insert(drive.station, (Arc::clone(model), "as given".to_owned())))
             }
             ([only], None) if drive.is_sure => {
                 drop(known.insert(
@@ -288,7 +290,7 @@ fn models_of<R: BufRead>(
                     *station,
                     (
                         Arc::clone(model),
-                        "chosen among several; compare it with the nameplate".to_owned(),
+                        "chosen from several; compare it with the nameplate".to_owned(),
                     ),
                 );
             }
@@ -323,13 +325,13 @@ fn names<R: BufRead>(
                 .collect();
             if names.len() != stations.len() {
                 return Err(format!(
-                    "{} names are needed, and these are {}",
+                    "{} names are needed, not {}",
                     stations.len(),
                     names.len()
                 ));
             }
             if names.iter().collect::<BTreeSet<_>>().len() != names.len() {
-                return Err("two of them are the same".to_owned());
+                return Err("two names are the same".to_owned());
             }
             match names.iter().find(|name| Name::new(name).is_none()) {
                 Some(name) => Err(format!("`{name}`: {NAME_RULE}")),
@@ -370,7 +372,7 @@ fn full_scale<R: BufRead>(
                     .parse::<f64>()
                     .ok()
                     .filter(|hz| (1.0..=1000.0).contains(hz));
-                hz.ok_or_else(|| format!("`{text}` is no frequency from 1 to 1000 Hz"))
+                hz.ok_or_else(|| format!("`{text}` is not a frequency from 1 to 1000 Hz"))
             },
         )?;
         drives
@@ -399,7 +401,8 @@ pub fn controlled<R: BufRead>(
     } else {
         let list: Vec<_> = unproven.into_iter().collect();
         let question = format!(
-            "No manual proves how these are stopped: {}. Take orders for them all the same? See it work first",
+            "No manual proves how these are stopped: {}. Accept commands for them anyway? Watch a \
+             stop take effect first",
             list.join(", ")
         );
         questions.given_or_asked(

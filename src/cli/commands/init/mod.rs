@@ -90,7 +90,7 @@ fn service_wanted<R: BufRead>(
             .into_iter()
             .find(|(word, _)| *word == text)
             .map(|(_, wanted)| wanted);
-        word.ok_or_else(|| format!("`{text}` is none of none, install, start"))
+        word.ok_or_else(|| format!("`{text}` is not none, install or start"))
     };
     if !can_be {
         return Ok(WantedService::None);
@@ -167,7 +167,7 @@ fn asked<R: BufRead>(
             if text.starts_with('/') {
                 Ok(PathBuf::from(text))
             } else {
-                Err(format!("`{text}` is no absolute path"))
+                Err(format!("`{text}` is not an absolute path"))
             }
         },
     )?;
@@ -186,7 +186,7 @@ fn asked<R: BufRead>(
 fn checked(text: &str, catalog: &Catalog) -> Result<(), CommandFailure> {
     input::config_of(text, catalog).map(drop).map_err(|why| {
         CommandFailure::wrong(format!(
-            "the answers do not go together; nothing was written:\n{why}"
+            "the answers contradict each other; nothing was written:\n{why}"
         ))
     })
 }

@@ -1,4 +1,4 @@
-//! Questions about who reaches the drives, who commands them, and by which rules.
+//! Questions about who may reach the drives, who may command them, and by which rules.
 
 use super::answers::{BrokerAnswers, ModbusAnswers, PageAnswers};
 use super::args::Args;
@@ -38,7 +38,7 @@ pub fn words(text: &str, valid: &[&str]) -> Result<Vec<String>, String> {
         .map(str::to_owned)
         .collect();
     match words.iter().find(|word| !valid.contains(&word.as_str())) {
-        Some(wrong) => Err(format!("`{wrong}` is none of {}", valid.join(", "))),
+        Some(wrong) => Err(format!("`{wrong}` is not one of {}", valid.join(", "))),
         None => Ok(words),
     }
 }
@@ -49,7 +49,7 @@ fn networks(text: &str) -> Result<Vec<IpNet>, String> {
     let network = |part: &str| {
         let single = part.parse::<IpAddr>().map(IpNet::from);
         part.parse::<IpNet>().or(single).map_err(|_| {
-            format!("`{part}` is no network or address, such as 10.0.0.0/24 or 10.0.0.5")
+            format!("`{part}` is not a network or address, such as 10.0.0.0/24 or 10.0.0.5")
         })
     };
     let networks: Vec<_> = parts.map(network).collect::<Result<_, _>>()?;
@@ -62,7 +62,7 @@ fn networks(text: &str) -> Result<Vec<IpNet>, String> {
 
 fn address(text: &str) -> Result<SocketAddr, String> {
     text.parse().map_err(|_| {
-        format!("`{text}` is not address and port, such as 127.0.0.1:8080 or 0.0.0.0:8443")
+        format!("`{text}` is not an address with a port, such as 127.0.0.1:8080 or 0.0.0.0:8443")
     })
 }
 
@@ -87,7 +87,7 @@ fn action(text: &str) -> Result<String, String> {
     if known {
         Ok(text.to_owned())
     } else {
-        Err(format!("`{text}` is none of {}", actions()))
+        Err(format!("`{text}` is not one of {}", actions()))
     }
 }
 
@@ -96,7 +96,7 @@ pub fn wanted<R: BufRead>(
     questions: &mut PersonQuestions<R>,
     args: &Args,
 ) -> Result<Vec<String>, CommandFailure> {
-    let question = format!("What is to reach the drives, of {}", WAYS.join(", "));
+    let question = format!("What shall reach the drives, of {}", WAYS.join(", "));
     questions.given_or_asked(
         args.ways.as_deref(),
         "--ways",

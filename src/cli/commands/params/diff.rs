@@ -141,7 +141,7 @@ pub fn plan(
             (_, None) => {
                 Some("the model does not know what it does: set it at the drive itself".to_owned())
             }
-            (None, _) => Some("the drive does not show it now".to_owned()),
+            (None, _) => Some("the drive does not show it at present".to_owned()),
             (Some(_), Some(known)) => match known.kind.as_str() {
                 "read_only" | "command" => continue,
                 "back_door" => Some(format!(
@@ -149,7 +149,7 @@ pub fn plan(
                     known.reason.as_deref().unwrap_or("?")
                 )),
                 "source" if !with_link => {
-                    Some("it decides whom the motor obeys; --with-link writes it too".to_owned())
+                    Some("it decides what controls the motor; --with-link writes it too".to_owned())
                 }
                 "link" if !with_link => Some(
                     "it decides how the drive is reached; --with-link writes it too".to_owned(),

@@ -272,7 +272,7 @@ async fn compare(args: &DiffArgs) -> Result<(), CommandFailure> {
         let first = &first.model;
         let second = &second.model;
         return Err(CommandFailure::wrong(format!(
-            "the models differ, {first} and {second}: nothing can be compared"
+            "the models {first} and {second} differ: the files cannot be compared"
         )));
     }
     let differences = differences(&first, &second);

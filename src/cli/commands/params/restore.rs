@@ -69,7 +69,7 @@ pub async fn restore(
         return Ok(());
     }
     if !catalogue.may_be_written {
-        let why = "the drive has no `control` section, so that nothing may be written to it from anywhere";
+        let why = "the drive has no `control` section, so nothing may be written to it";
         return Err(CommandFailure::failed(format!(
             "nothing was written: {why}; add one to restore its parameters"
         )));
@@ -130,7 +130,7 @@ fn shown(plan: &RestorePlan, live: &GatewayDrive, commit: Option<&CommitNeed>) -
         text.push_str(&format!("left as they are:\n{}", table(rows)));
     }
     if plan.writes.is_empty() {
-        text.push_str("nothing has to be written\n");
+        text.push_str("there is nothing to write\n");
         return text;
     }
     let change = |it: &ParameterChange| {
@@ -160,7 +160,9 @@ fn shown(plan: &RestorePlan, live: &GatewayDrive, commit: Option<&CommitNeed>) -
         );
     }
     if plan.writes.iter().any(|change| change.kind == "link") {
-        text.push_str("WARNING: the drive may not be reached any more with the present settings of the line\n");
+        text.push_str(
+            "WARNING: with the present settings of the line the drive may no longer be reachable\n",
+        );
     }
     text
 }
@@ -174,13 +176,15 @@ fn announced(commit: &CommitNeed) -> String {
     } = commit;
     match (is_sent, stores) {
         (true, true) => format!("then all parameters are stored, by one write of {what}\n"),
-        (true, false) => format!("then they are taken over, by one write of {what}\n"),
+        (true, false) => format!("then they take effect, by one write of {what}\n"),
         (false, true) => format!(
-            "WARNING: the drive forgets them with its power unless {what} stores them, which is unproven and is not written\n"
+            "WARNING: the drive loses them with its power unless {what} stores them, which is \
+             unproven and is not written\n"
         ),
         (false, false) => {
             format!(
-                "WARNING: they may not act before {what} takes them over, which is unproven and is not written\n"
+                "WARNING: they may have no effect before {what} is written, which is unproven and \
+                 is not done\n"
             )
         }
     }
@@ -219,7 +223,7 @@ async fn write(
             let done = if commit.stores {
                 "stored"
             } else {
-                "taken over"
+                "put into effect"
             };
             print(&format!("{} written, read back and {done}\n", writes.len()))
         }
@@ -238,9 +242,9 @@ async fn write(
 /// What the written parameters lack without the word that follows them.
 const fn lacking(commit: &CommitNeed) -> &'static str {
     if commit.stores {
-        "; what was written is not stored: the drive forgets it with its power"
+        "; what was written is not stored: the drive loses it with its power"
     } else {
-        "; what was written may not act"
+        "; what was written may have no effect"
     }
 }
 
@@ -291,7 +295,7 @@ mod tests {
         );
         assert_eq!(
             said(false, true),
-            "then they are taken over, by one write of save\n"
+            "then they take effect, by one write of save\n"
         );
         assert!(said(true, false).contains("forgets them with its power unless save stores them"));
         assert!(said(false, false).contains("may not act before save"));

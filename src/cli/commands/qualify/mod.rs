@@ -95,17 +95,19 @@ async fn make(gateway: &TrialDrive, look: &TrialDocument, by: &str) -> Result<()
     let is_against = session.found.iter().any(|found| found.is_contradicted());
     match ended {
         Ok(()) if is_against => Err(CommandFailure::failed(
-            "something was contradicted; the motor is stopped",
+            "something was not as expected; the motor is stopped",
         )),
         Ok(()) => print(
             "what was confirmed counts after `vfd-gateway reload`, or the next start; then remove `qualify`\n",
         ),
-        Err(TrialsEnd::Quit) => Err(CommandFailure::failed("ended by you; the motor is stopped")),
+        Err(TrialsEnd::Quit) => Err(CommandFailure::failed(
+            "ended at your request; the motor is stopped",
+        )),
         Err(TrialsEnd::Interrupted) => {
             Err(CommandFailure::failed("interrupted; the motor is stopped"))
         }
         Err(TrialsEnd::NoInput) => Err(CommandFailure::failed(
-            "the answers have ended; the motor is stopped",
+            "the input has ended; the motor is stopped",
         )),
         Err(TrialsEnd::Failed(failure)) => Err(failure),
     }
@@ -116,7 +118,7 @@ fn may_begin(look: &TrialDocument) -> Result<(), CommandFailure> {
     let TrialDocument { drive, model, .. } = look;
     if look.actions.is_empty() {
         return Err(CommandFailure::wrong(format!(
-            "{drive}: everything that {model} can do is proven; there is nothing to try"
+            "{drive}: everything that {model} can do is proven, so there is nothing to try"
         )));
     }
     if !look.controlled {
@@ -136,7 +138,8 @@ fn may_begin(look: &TrialDocument) -> Result<(), CommandFailure> {
     }
     if !io::stdin().is_terminal() {
         return Err(CommandFailure::wrong(
-            "a person must answer at the keyboard, and stdin is no terminal: run it in one (`ssh -t`, `docker exec -it`)",
+            "a person must answer at the keyboard, but stdin is not a terminal: run it in one \
+             (`ssh -t`, `docker exec -it`)",
         ));
     }
     Ok(())
@@ -162,8 +165,8 @@ async fn forget(args: &Args, gateway: &TrialDrive, by: &str) -> Result<(), Comma
     }
     gateway.forget(by).await?;
     print(
-        "forgotten; what was in force stays so until `vfd-gateway reload` or the next start, for which the drive needs `qualify` \
-         or `accept_unverified`: see `check`\n",
+        "forgotten; what was accepted stays accepted until `vfd-gateway reload` or the next start, \
+         for which the drive needs `qualify` or `accept_unverified`: see `check`\n",
     )
 }
 

@@ -65,7 +65,7 @@ pub(super) fn compare(
     since: Duration,
 ) -> ComparedState {
     if state.run_state == "offline" {
-        return ComparedState::Against("the drive does not answer any more".to_owned());
+        return ComparedState::Against("the drive no longer answers".to_owned());
     }
     let is_new = state.age.is_some_and(|age| age < since);
     if !is_new {

@@ -160,7 +160,7 @@ impl<'a> TrialSession<'a> {
             .agrees(
                 "1. stop, at standstill",
                 &["stop"],
-                "acknowledged, and nothing moves",
+                "acknowledged; nothing moves",
             )
             .await?
         {
@@ -262,7 +262,8 @@ impl<'a> TrialSession<'a> {
         if !self.has_order("coast") || self.look.may_go_forward == Some(false) {
             return self.keep("coast", skipped()).await;
         }
-        let expected = "the motor turns forward; then its output is off at once, and it comes to rest by itself";
+        let expected = "the motor turns forward; then its output goes off at once, and the motor \
+                        coasts to rest";
         if !self
             .agrees("coast, out of a slow run", &["forward", "coast"], expected)
             .await?
@@ -305,7 +306,7 @@ impl<'a> TrialSession<'a> {
             .agrees(
                 "reset of the trip",
                 &["reset"],
-                "the trip is gone, and nothing moves",
+                "the trip is gone; nothing moves",
             )
             .await?
         {
@@ -317,7 +318,7 @@ impl<'a> TrialSession<'a> {
         let step = self
             .asked(
                 seen,
-                "has the panel left the fault, and does the motor stand still?",
+                "does the panel no longer show the fault, and does the motor stand still?",
                 None,
             )
             .await?;
@@ -506,7 +507,7 @@ async fn leaves(gateway: &TrialDrive, stays: Option<ExpectedState>) -> Result<St
             ComparedState::Against(why) => return Ok(why),
             ComparedState::NotYet => {
                 return Ok(format!(
-                    "the drive does not go on as ordered: {}",
+                    "the drive does not follow the order: {}",
                     said(&state)
                 ));
             }

@@ -12,7 +12,7 @@ pub(super) fn list(look: &TrialDocument) -> String {
     } = look;
     let mut said = format!("drive {drive} ({model} on {line})\n");
     if look.actions.is_empty() {
-        said.push_str("  nothing is to be tried\n");
+        said.push_str("  nothing to try\n");
     }
     let rows = look
         .actions

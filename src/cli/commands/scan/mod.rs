@@ -75,7 +75,7 @@ fn patience(text: &str) -> Result<Duration, String> {
         .filter(|seconds| (0.02..=10.0).contains(seconds));
     seconds
         .map(Duration::from_secs_f64)
-        .ok_or_else(|| format!("{text} is no time from 0.02 to 10 seconds"))
+        .ok_or_else(|| format!("{text} is not a time from 0.02 to 10 seconds"))
 }
 
 /// Looks for drives until everything was tried, or Ctrl-C. What was found by then is printed either way.
@@ -136,7 +136,7 @@ pub fn scan(args: &Args) -> Result<(), CommandFailure> {
     ended?;
     match (findings.is_complete, findings.drives.is_empty()) {
         (false, _) => Err(CommandFailure::failed(
-            "interrupted before all was tried; this was found so far",
+            "interrupted before everything was tried; found so far",
         )),
         (true, true) => Err(CommandFailure::failed(ADVICE)),
         (true, false) => Ok(()),

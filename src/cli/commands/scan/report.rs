@@ -131,12 +131,13 @@ impl ScanReport<'_> {
         let number = self.plan.most_answer(self.findings)?;
         let setting = self.plan.settings.get(number)?;
         let mut text = format!(
-            "# Made by `vfd-gateway scan` on {}. Nothing may be commanded so far: `control` sections are yours to write.\n\
-             # `vfd-gateway check -c FILE` says what the line will cost; `vfd-gateway run -c FILE` starts it.\n\n",
+            "# Made by `vfd-gateway scan` on {}. No drive can be commanded: write the `control` \
+             sections yourself.\n# `vfd-gateway check -c FILE` shows the load of the line; \
+             `vfd-gateway run -c FILE` starts it.\n\n",
             self.date
         );
         if !self.findings.is_complete {
-            text.push_str("# The scan was interrupted before all was tried.\n\n");
+            text.push_str("# The scan was interrupted before everything was tried.\n\n");
         }
         self.line(setting, &mut text);
         for finding in self
@@ -180,7 +181,8 @@ impl ScanReport<'_> {
         );
         if matches!(self.port, PortAddress::Tcp { .. }) {
             text.push_str(
-                "# The device server sets the line. Say here what it is set to, so that times are reckoned right.\n",
+                "# The device server sets the line. Enter its settings here, so that times are \
+                 computed correctly.\n",
             );
         }
         let parity = word_for(&PARITIES, &parity);
@@ -192,7 +194,10 @@ impl ScanReport<'_> {
             let _ = writeln!(text, "framing = \"ascii\"\ndata_bits = {data_bits}");
         }
         if self.echoes {
-            text.push_str("# The adapter sends back what is sent. Better switch that off there.\necho = \"strip\"\n");
+            text.push_str(
+                "# The adapter echoes what is sent. If you can, switch that off at the adapter.\n\
+                 echo = \"strip\"\n",
+            );
         }
     }
 }
@@ -213,7 +218,7 @@ fn drive(finding: &FoundDrive, text: &mut String) {
     let sure = match (finding.verdict.keyword(), others.is_empty()) {
         ("probable", _) => format!("identified: {why}; compare it with the nameplate"),
         (_, true) if finding.verdict.answers_anything => {
-            "a guess: it answers whatever it is asked; compare it with the nameplate".to_owned()
+            "a guess: it answers any request; compare it with the nameplate".to_owned()
         }
         (_, true) => format!("a guess: {why}; compare it with the nameplate"),
         (_, false) => format!("or {}; compare it with the nameplate", others.join(" or ")),

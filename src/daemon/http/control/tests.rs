@@ -863,7 +863,7 @@ fn files_that_cannot_be_used_are_all_reported() {
     wrong.tls = None;
     let error = ClientRequirements::read(&wrong).unwrap_err();
     assert!(
-        error.ends_with("right is what `vfd-gateway password` prints"),
+        error.ends_with("help: the line that `vfd-gateway password` prints"),
         "{error}"
     );
 }

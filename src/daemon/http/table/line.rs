@@ -40,7 +40,7 @@ pub(in super::super) const LINE: &[MetricFamily<LineReport>] = &[
     ),
     counter(
         "line_foreign",
-        "Sound frames of stations that were not asked.",
+        "Sound frames from stations that were not asked.",
         |line| Some(line.counters.foreign),
     ),
     counter(

@@ -317,15 +317,15 @@ fn a_run_that_waited_unnoticed_at_the_broker_is_distinguished_from_one_after_a_s
     only(
         &text("restart_delay = '2s'", ""),
         &format!(
-            "{AT}.restart_delay: 2s is too short to tell a RUN that waited in front of the broker from one that was sent \
-             after the stop: with `probe_interval` = \"1s\" one may wait 1750ms before that is noticed; at least \
-             \"2750ms\", or leave it out"
+            "{AT}.restart_delay: 2s is too short to distinguish a RUN that waited at the broker \
+             from one that was sent after the stop: with `probe_interval` = \"1s\" a RUN may wait \
+             1750ms before that is noticed; at least \"2750ms\", or leave it out"
         ),
     );
     only(
         &text("", "probe_interval = '10s'"),
-        "mqtt.probe_interval: a command could wait 10750ms in front of the broker before that is noticed, so that no RUN \
-         could be taken for more than 5s after a stop; at most \"3250ms\"",
+        "mqtt.probe_interval: a command could wait 10750ms at the broker before that is noticed, \
+         so no RUN could be accepted for more than 5s after a stop; at most \"3250ms\"",
     );
     for (keys, mqtt, millis) in [
         ("", "", 3_000),
@@ -357,8 +357,9 @@ fn a_run_of_the_page_that_waited_unnoticed_is_distinguished_from_one_after_a_sto
         all
     };
     let too_short = format!(
-        "{AT}.restart_delay: 2s is too short to tell a RUN of the page that waited on its way from one that was sent after the \
-         stop: one may wait 1500ms before that is noticed; at least \"2500ms\", or leave it out"
+        "{AT}.restart_delay: 2s is too short to distinguish a RUN of the page that waited on its \
+         way from one that was sent after the stop: a RUN may wait 1500ms before that is noticed; \
+         at least \"2500ms\", or leave it out"
     );
     assert_eq!(of_the_delay("2s"), [too_short]);
     assert!(of_the_delay("2500ms").is_empty());

@@ -128,8 +128,8 @@ fn the_factory_setting_of_an_ascii_drive_is_none_of_an_rtu_line() {
     let ascii = with_default("baud = 9600, data_bits = 7, parity = 'none', stop_bits = 2");
     let config = load(&line("framing = 'ascii'", &["acme-other"]), &ascii).unwrap();
     assert_eq!(config.lines[0].link.to_string(), "9600 7N2");
-    let left_out = "is left out, and no factory setting can be assumed: acme-other leaves the factory with ASCII frames \
-                    at 9600 7N2; add";
+    let left_out = "is left out, and no factory setting can be assumed: the factory setting of \
+                    acme-other is ASCII frames at 9600 7N2; add";
     let stops = format!(
         "line[0].stop_bits: `stop_bits` {left_out} `stop_bits`, and set it on every drive: one of 1, 2"
     );

@@ -222,7 +222,7 @@ fn a_user_has_a_role_and_groups_that_exist() {
     );
     let nobody = problems(&with_http("listen = '127.0.0.1:8080'\nview = 'signed-in'"));
     assert!(
-        nobody.iter().any(|it| it.contains("nobody can sign in")),
+        nobody.iter().any(|it| it.contains("no one can sign in")),
         "{nobody:?}"
     );
 }

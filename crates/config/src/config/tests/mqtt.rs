@@ -227,7 +227,8 @@ fn a_password_never_stands_in_the_file() {
             "mqtts://broker",
             "user = 'vfd'\npassword_file = '/run/secrets/mqtt'\npassword_env = 'MQTT'",
         ),
-        "mqtt.password_env: the password is named twice: `password_file` is there as well; one of the two",
+        "mqtt.password_env: the password is given twice: `password_file` is there as well; one of \
+         the two",
     );
     only(
         &over("mqtts://broker", "password_env = 'MQTT'"),
@@ -519,8 +520,8 @@ fn sparkplug_needs_a_place_for_its_numbers_and_an_identifier_of_its_own() {
             "mqtt://broker",
             &format!("client_id = 'a'\n{SPARKPLUG}client_id = 'a'"),
         )),
-        "mqtt.sparkplug.client_id: the same as `client_id` in `[mqtt]`: the broker would end one connection for the other; \
-         another one, or leave it out",
+        "mqtt.sparkplug.client_id: the same as `client_id` in `[mqtt]`: the broker would close one \
+         connection when the other opens; another one, or leave it out",
     );
 }
 
@@ -536,7 +537,7 @@ fn the_connections_of_a_pair_have_an_identifier_each_but_that_of_sparkplug() {
         ));
         with(&text, "[[line]]\n", &standby)
     };
-    let ended = "the broker would end one connection for the other";
+    let ended = "the broker would close one connection when the other opens";
     for (own, whose) in [("x-a", "a"), ("x-b", "b")] {
         only(
             &pair(

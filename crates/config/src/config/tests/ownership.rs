@@ -37,7 +37,8 @@ fn ownership_and_interlocks_are_taken_as_written() {
         (600, 86_400)
     );
     let reported = problems(&control_with("ownership = 'all'"));
-    let words = "\"one\" (only who holds control commands), \"any\" (control passes to the client that commands last)";
+    let words = "\"one\" (only the client that holds control commands), \"any\" (control passes to \
+                 the client that commands last)";
     assert_eq!(
         reported,
         [format!(

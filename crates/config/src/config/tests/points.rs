@@ -63,7 +63,8 @@ fn dead_bands_are_those_of_polled_registers() {
     only(
         &drive_with("dead_bands = { output_frequency = 0.05 }"),
         &format!(
-            "{at}: has no effect: a dead band is about what goes to a broker, and there is no `[mqtt]`; leave it out"
+            "{at}: has no effect: a dead band applies only to a broker, and there is no `[mqtt]`; \
+             leave it out"
         ),
     );
 }
@@ -117,7 +118,8 @@ fn heartbeats_and_decimals_are_those_of_polled_registers() {
     only(
         &drive_with("heartbeats = { output_frequency = '5s' }"),
         &format!(
-            "{at}.heartbeats: has no effect: a heartbeat is about what goes to a broker, and there is no `[mqtt]`; leave it out"
+            "{at}.heartbeats: has no effect: a heartbeat applies only to a broker, and there is no \
+             `[mqtt]`; leave it out"
         ),
     );
 }

@@ -27,8 +27,8 @@ fn a_port_that_is_none_is_reported_with_what_would_be_right() {
     );
     only(
         &line_at("tcp://10.0.0.7", ""),
-        "line[0].port: `tcp://10.0.0.7` names no port, and there is no usual one; the port that the serial device server \
-         listens on, as \"tcp://10.0.0.7:4001\"",
+        "line[0].port: `tcp://10.0.0.7` has no port, and there is no default one; the port that \
+         the serial device server listens on, as \"tcp://10.0.0.7:4001\"",
     );
 }
 

@@ -96,7 +96,7 @@ fn line_plan_times(line: &LineSettings) -> StandbyTimes {
 fn the_two_have_names_of_their_own() {
     only(
         &with(&pair(), "partner = \"b\"", "partner = \"a\""),
-        "standby.partner: `a` is the name of this gateway itself; what the other gateway has as its `half`",
+        "standby.partner: `a` is the name of this gateway itself; the `half` of the other gateway",
     );
     let right = "1 to 16 letters, digits, \"-\", \"_\" or \".\", not only dots";
     for bad in ["", "seventeen-letters", "a b", "a/b"] {
@@ -271,7 +271,8 @@ fn a_line_that_cannot_be_heard_has_no_second_gateway() {
 #[test]
 fn the_station_of_the_gateways_is_no_drive() {
     let reported = problems(&with(&pair(), "station = 1\n", "station = 250\n"));
-    let expected = "line[0].drive[0].station: the gateways of a line use station 250 among themselves; another station of the drive";
+    let expected = "line[0].drive[0].station: the gateways of a line use station 250 for \
+                    themselves; another station of the drive";
     assert!(
         reported.iter().any(|problem| problem == expected),
         "{reported:?}"

@@ -597,7 +597,8 @@ fn a_warning_is_told_as_long_as_it_is_fresh_and_the_drive_answers() {
     };
     assert_eq!(warning(&view, NOW), None);
     view.snapshot.take(address, &[9], NOW);
-    let text = "the drive warns: code 9; it goes on, and may trip if the cause stays".to_owned();
+    let text =
+        "the drive warns: code 9; it keeps working, and may trip if the cause remains".to_owned();
     assert_eq!(warning(&view, NOW), Some((Severity::Hint, text)));
     assert_eq!(
         warning(&view, NOW + Duration::from_secs(600)),

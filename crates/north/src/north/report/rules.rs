@@ -170,7 +170,7 @@ mod tests {
         );
         assert_eq!(
             found[0].text.to_string(),
-            "nothing is wrong: 2000 exchanges in 30 s"
+            "no problems found: 2000 exchanges in 30 s"
         );
     }
 

@@ -312,7 +312,7 @@ fn damage_cases() -> Vec<Case> {
         (
             FindingSign::Cut,
             Problem,
-            "each of 50 replies ends too early",
+            "all 50 damaged replies end too early",
             damaged(50, |a| {
                 a.damage.cut = 50;
                 (a.exchanges.replies, a.exchanges.silent) = (0, 1000);

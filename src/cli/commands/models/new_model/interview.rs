@@ -66,8 +66,8 @@ impl<R: BufRead> ModelInterview<'_, R> {
         self.orders(&mut facts)?;
         if facts.registers.is_empty() {
             return Err(CommandFailure::wrong(
-                "no register was named, so nothing of the drive could be read: nothing was written; look up the address of the \
-                 output frequency or of the status word first",
+                "no register was named, so nothing could be read from the drive: nothing was \
+                 written; first look up the address of the output frequency or of the status word",
             ));
         }
         Ok(facts)
@@ -208,7 +208,7 @@ impl<R: BufRead> ModelInterview<'_, R> {
             .any(|it| it.role == Some("output-frequency"))
         {
             return print(
-                "Without an output frequency a stop cannot be seen: the model is only read.\n",
+                "Without an output frequency a stop cannot be seen, so the model is read-only.\n",
             );
         }
         let Some((address, evidence)) = self.register("Run command", "the model is only read")?
@@ -224,7 +224,8 @@ impl<R: BufRead> ModelInterview<'_, R> {
             .registers
             .push(of.written(address, 1, "-", "write", evidence));
         print(
-            "Each word has a place of its own: the page that names the register need not be the one with its words.\n",
+            "Each word needs its own place in the manual: the page that names the register may not \
+             be the one with its words.\n",
         )?;
         let stop = self
             .needed_word("  word that stops the motor by its ramp, and place, such as `0 9.5`")?;
@@ -389,7 +390,7 @@ impl<R: BufRead> ModelInterview<'_, R> {
                     .ok()
                     .filter(|hz| (0.0..=1000.0).contains(hz))
                     .map(Some)
-                    .ok_or_else(|| format!("`{text}` is no frequency in Hz")),
+                    .ok_or_else(|| format!("`{text}` is not a frequency in Hz")),
             },
         )?;
         let Some(shown_hz) = shown else {

@@ -139,7 +139,7 @@ fn played(id: &str, file: &Path, text: &str) -> Result<String, CommandFailure> {
     let name = file.display().to_string();
     let catalog = vendors::catalog()
         .with_texts([(name, text)])
-        .map_err(|_| CommandFailure::failed("the file is not sound"))?;
+        .map_err(|_| CommandFailure::failed("the file is not valid"))?;
     let model = catalog
         .find(id)
         .ok_or_else(|| CommandFailure::failed(format!("no model is called {id}")))?;
