@@ -20,7 +20,7 @@ pub struct Args {
     drive: String,
     #[command(flatten)]
     place: SocketArgs,
-    /// Do not ask: you have looked
+    /// Do not ask: you have checked the motor
     #[arg(long)]
     yes: bool,
 }

@@ -16,12 +16,12 @@ pub struct Args {
     /// Stations to look for
     #[arg(long, value_name = "NUMBERS", default_value = "1-32")]
     pub stations: String,
-    /// Look at this speed only, in bit/s
+    /// Search at this speed only, in bit/s
     #[arg(long)]
     pub baud: Option<u32>,
     #[command(flatten)]
     pub link: LinkArgs,
-    /// A drive, instead of looking for them; repeatable. The line is then at --baud, --parity and --stop-bits, or at the
+    /// A drive to use instead of a search; repeatable. The line is then at --baud, --parity and --stop-bits, or at the
     /// factory setting of the first
     #[arg(long, value_name = "NAME=MODEL@STATION")]
     pub drive: Vec<String>,
@@ -31,7 +31,7 @@ pub struct Args {
     /// Model of the drives that fit several, repeatable: the first that fits is taken
     #[arg(long, value_name = "MODEL")]
     pub model: Vec<String>,
-    /// The frequency that stands for 100 % at drives that need to be told
+    /// The frequency that stands for 100 % at drives that need it stated
     #[arg(long, value_name = "HZ")]
     pub full_scale_hz: Option<String>,
     /// What shall reach the drives: page, modbus-tcp, mqtt, home-assistant, sparkplug
@@ -67,7 +67,7 @@ pub struct Args {
     /// Who may command: page, modbus-tcp, mqtt, sparkplug; "" for none
     #[arg(long, value_name = "WAY,...")]
     pub command_from: Option<String>,
-    /// Take orders for models whose stop no manual proves: yes or no
+    /// Accept commands for models whose stop no manual proves: yes or no
     #[arg(long, value_name = "yes|no")]
     pub accept_unverified: Option<String>,
     /// Lowest and highest frequency in Hz
