@@ -45,7 +45,7 @@ pub fn diagnose(args: &Args) -> Result<(), CommandFailure> {
         |error: std::io::Error| CommandFailure::failed(format!("{}: {error}", args.out.display()));
     // Created first: no traffic is recorded for an archive that cannot be written.
     let mut file = std::fs::File::create_new(&args.out).map_err(failed)?;
-    let made = made(args).inspect_err(|_| drop(std::fs::remove_file(&args.out)))?;
+    let made = make_archive(args).inspect_err(|_| drop(std::fs::remove_file(&args.out)))?;
     file.write_all(&made.archive)
         .and_then(|()| file.sync_all())
         .map_err(failed)?;
@@ -63,7 +63,7 @@ struct MadeArchive {
     remark: String,
 }
 
-fn made(args: &Args) -> Result<MadeArchive, CommandFailure> {
+fn make_archive(args: &Args) -> Result<MadeArchive, CommandFailure> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()

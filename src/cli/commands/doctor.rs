@@ -138,7 +138,7 @@ async fn watch(socket: &Path, args: &Args) -> Result<Vec<WatchedLine>, CommandFa
             );
         }
         progress.abort();
-        say("\r\x1b[K");
+        print_progress("\r\x1b[K");
     }
     Ok(reports)
 }
@@ -192,7 +192,7 @@ async fn progress(seconds: u64) {
     let mut second = interval(Duration::from_secs(1));
     for passed in 0..=seconds {
         second.tick().await;
-        say(&bar(passed, seconds));
+        print_progress(&bar(passed, seconds));
     }
 }
 
@@ -206,7 +206,7 @@ fn bar(passed: u64, seconds: u64) -> String {
 }
 
 /// For a user at a terminal, besides the report.
-fn say(text: &str) {
+fn print_progress(text: &str) {
     if stderr().is_terminal() {
         log::complain(text.as_bytes());
     }

@@ -202,7 +202,7 @@ async fn sign_of_life(place: &HealthSource) -> Result<String, String> {
     }
 }
 
-/// That the gateway is the one that sends. An error says why it is not. Where it shares no line, it is alone and sends on
+/// Says that the gateway is the one that sends. An error says why it is not. Where it shares no line, it is alone and sends on
 /// all of them.
 fn active(health: &HealthDocument) -> Result<String, String> {
     let lines = &health.lines;

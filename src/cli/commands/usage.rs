@@ -6,7 +6,7 @@ use crate::cli::tools::setup::unknown;
 use crate::cli::tools::socket::{self, SocketRequest};
 use crate::cli::tools::{CommandFailure, print};
 use crate::daemon::http::socket::SOCKET_NAME;
-use crate::daemon::journal::days::{COLUMNS, DayRow, each};
+use crate::daemon::journal::days::{COLUMNS, DayRow, each_day};
 use crate::daemon::journal::file_in;
 use crate::daemon::journal::reader::connect;
 use crate::domain::ids::Name;
@@ -72,7 +72,7 @@ fn show(directory: &Path, args: &Args) -> Result<(), CommandFailure> {
     });
     let mut drives: BTreeMap<String, VecDeque<DayRow>> = BTreeMap::new();
     let connection = connect(&path).map_err(failed)?;
-    each(&connection, args.drive.as_deref(), |row| {
+    each_day(&connection, args.drive.as_deref(), |row| {
         let days = drives.entry(row.drive.clone()).or_default();
         days.push_back(row);
         if days.len() > most {

@@ -1,7 +1,7 @@
 //! `watchdog`: shows how a drive monitors its communication, or sets it, after a person has seen old and new values.
 
 use crate::cli::tools::consent::ask_for_consent;
-use crate::cli::tools::setup::{self, found_word, known, outcome};
+use crate::cli::tools::setup::{self, found_word, outcome, text_or_unknown};
 use crate::cli::tools::{CommandFailure, print, socket};
 use crate::north::api::SetupDocument;
 use crate::toml_file::values::parse_duration;
@@ -49,7 +49,7 @@ pub fn watchdog(args: &Args) -> Result<(), CommandFailure> {
         return judge(&before, "on");
     };
     let name = &before.drive;
-    let what = known(watchdog.what.as_deref());
+    let what = text_or_unknown(watchdog.what.as_deref());
     let (old, new) = (found_word(&watchdog.seen), called(wanted));
     print(&format!(
         "drive {name}, at standstill:\n  {what}  {old} -> {new}\n"

@@ -6,7 +6,7 @@ use std::io::IsTerminal;
 /// How a word is meant, for its colour on a terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WordTone {
-    /// As it should be.
+    /// The value is as it should be.
     Good,
     /// Worth a look.
     Notice,

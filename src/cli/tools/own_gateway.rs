@@ -116,7 +116,7 @@ impl DriveArgs {
 pub struct ToolAccess {
     /// The control section, without its head; `None`: nothing may be written.
     pub control: String,
-    /// It may start the motor, or change its setpoint.
+    /// The tool may start the motor, or change its setpoint.
     pub moves: bool,
     /// Unproven facts that the person accepts.
     pub accept_unverified: Vec<String>,

@@ -240,7 +240,7 @@ fn identity(identity: Option<&IdentityDocument>, model: &str) -> String {
     };
     format!(
         "the drive's identity ({}): {said}\n",
-        known(identity.what.as_deref())
+        text_or_unknown(identity.what.as_deref())
     )
 }
 
@@ -287,7 +287,7 @@ pub fn watchdog(watchdog: Option<&SetupWatchdogDocument>) -> String {
 }
 
 fn watchdog_as_found(watchdog: &SetupWatchdogDocument) -> String {
-    let what = known(watchdog.what.as_deref());
+    let what = text_or_unknown(watchdog.what.as_deref());
     match &*watchdog.state {
         "off" => {
             format!(
@@ -314,7 +314,7 @@ fn watchdog_as_found(watchdog: &SetupWatchdogDocument) -> String {
 fn why_silent(seen: &SeenWord) -> String {
     format!(
         "not answered: {}{}",
-        known(seen.message.as_deref()),
+        text_or_unknown(seen.message.as_deref()),
         exception(seen.exception)
     )
 }
@@ -340,7 +340,7 @@ pub fn word_with_meaning(word: &WordDocument) -> String {
 }
 
 /// A text that may be missing; `?` then.
-pub fn known(text: Option<&str>) -> &str {
+pub fn text_or_unknown(text: Option<&str>) -> &str {
     text.unwrap_or("?")
 }
 

@@ -29,9 +29,9 @@ pub struct DriveTarget {
 /// A port of either kind.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum TargetPort {
-    /// Of the gateway.
+    /// The port of the gateway.
     Tcp(u16),
-    /// Of the line.
+    /// The port of the line.
     Line(PortAddress),
 }
 

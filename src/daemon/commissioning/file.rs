@@ -80,7 +80,7 @@ pub struct AppliedChange {
 /// Why a change is not in force. The file is as it was.
 #[derive(Debug)]
 pub enum NotDone {
-    /// It was refused.
+    /// The change was refused.
     Refused(CommissioningRefusal),
     /// The file would have problems.
     Problems(Box<ConfigProposal>),
@@ -369,7 +369,7 @@ fn replaced(file: &Path, new: &str) -> io::Result<(PathBuf, Vec<u8>, FileReaders
         mode if mode & 0o040 != 0 => FileReaders::Group,
         _ => FileReaders::Owner,
     };
-    let kept_as = beside(file);
+    let kept_as = backup_path(file);
     whole_files::create(&kept_as, &old, readers)?;
     if let Err(error) = whole_files::replace(file, new.as_bytes(), readers) {
         // The failure that counts is the first one.
@@ -380,7 +380,7 @@ fn replaced(file: &Path, new: &str) -> io::Result<(PathBuf, Vec<u8>, FileReaders
 }
 
 /// `plant.toml.bak-20261124T061500.123Z`: one for each change.
-fn beside(file: &Path) -> PathBuf {
+fn backup_path(file: &Path) -> PathBuf {
     let at: String = rfc3339(clock::wall())
         .chars()
         .filter(|c| *c != '-' && *c != ':')

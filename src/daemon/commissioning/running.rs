@@ -13,13 +13,13 @@ pub const NAME: &str = "set-up";
 /// How far a scan is.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ScanState {
-    /// It runs.
+    /// The scan runs.
     Running,
     /// Everything was tried.
     Done,
-    /// It was ended before.
+    /// The scan was ended before.
     Ended,
-    /// It could not go on, for this reason.
+    /// The scan could not go on, for this reason.
     Failed(String),
 }
 

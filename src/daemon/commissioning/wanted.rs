@@ -51,9 +51,11 @@ pub struct WantedDrive {
 ///
 /// # Errors
 /// What is wrong.
-pub fn wanted(body: &[u8]) -> Result<(WantedAddition, Option<String>), CommissioningRefusal> {
+pub fn parse_addition(
+    body: &[u8],
+) -> Result<(WantedAddition, Option<String>), CommissioningRefusal> {
     let body: Value =
-        serde_json::from_slice(body).map_err(|error| wrong(format!("no JSON: {error}")))?;
+        serde_json::from_slice(body).map_err(|error| invalid_body(format!("no JSON: {error}")))?;
     let mut body = ObjectReader::new("", &body)?;
     let digest = body
         .optional("digest")
@@ -72,8 +74,9 @@ pub fn wanted(body: &[u8]) -> Result<(WantedAddition, Option<String>), Commissio
                 .required("drives")?
                 .as_array()
                 .filter(|it| (1..=DRIVES_MAX).contains(&it.len()));
-            let drives = drives
-                .ok_or_else(|| wrong(format!("`drives` must be a list of 1 to {DRIVES_MAX}")))?;
+            let drives = drives.ok_or_else(|| {
+                invalid_body(format!("`drives` must be a list of 1 to {DRIVES_MAX}"))
+            })?;
             let drives = (0..)
                 .zip(drives)
                 .map(|(at, it)| drive(&format!("drives[{at}]"), it));
@@ -96,7 +99,9 @@ fn drive(place: &str, value: &Value) -> Result<WantedDrive, CommissioningRefusal
             .as_u64()
             .and_then(|it| u8::try_from(it).ok())
             .filter(|it| (1..=247).contains(it))
-            .ok_or_else(|| wrong(format!("`{place}.station` must be a number from 1 to 247")))?,
+            .ok_or_else(|| {
+                invalid_body(format!("`{place}.station` must be a number from 1 to 247"))
+            })?,
         model: text(&format!("{place}.model"), table.required("model")?)?,
         full_scale_hz: table
             .optional("full_scale_hz")
@@ -117,7 +122,7 @@ fn control(place: &str, value: &Value) -> Result<NewControl, CommissioningRefusa
     let from = table
         .required("from")?
         .as_array()
-        .ok_or_else(|| wrong(format!("`{place}.from` must be a list")))?;
+        .ok_or_else(|| invalid_body(format!("`{place}.from` must be a list")))?;
     let from = from
         .iter()
         .map(|it| text(&at("from"), it))
@@ -128,7 +133,7 @@ fn control(place: &str, value: &Value) -> Result<NewControl, CommissioningRefusa
         Some("forward") => false,
         Some("both") => true,
         _ => {
-            return Err(wrong(format!(
+            return Err(invalid_body(format!(
                 "`{place}.directions` must be \"forward\" or \"both\""
             )));
         }
@@ -139,7 +144,7 @@ fn control(place: &str, value: &Value) -> Result<NewControl, CommissioningRefusa
         if known.contains(&word.as_str()) {
             return Ok(word);
         }
-        Err(wrong(format!(
+        Err(invalid_body(format!(
             "`{place}.{key}` must be one of {}",
             known.join(", ")
         )))
@@ -150,15 +155,15 @@ fn control(place: &str, value: &Value) -> Result<NewControl, CommissioningRefusa
         .as_u64()
         .filter(|it| (1..=LOST_AFTER_MAX_S).contains(it));
     let lost_after = lost_after.ok_or_else(|| {
-        wrong(format!(
+        invalid_body(format!(
             "`{place}.lost_after_s` must be from 1 to {LOST_AFTER_MAX_S}"
         ))
     })?;
     let accepts_unproven = match table.optional("accept_unverified") {
         None => false,
-        Some(value) => value
-            .as_bool()
-            .ok_or_else(|| wrong(format!("`{place}.accept_unverified` must be true or false")))?,
+        Some(value) => value.as_bool().ok_or_else(|| {
+            invalid_body(format!("`{place}.accept_unverified` must be true or false"))
+        })?,
     };
     table.finish()?;
     let lost_after = format!("{lost_after}s");
@@ -179,7 +184,7 @@ fn frequency(place: &str, value: &Value) -> Result<f64, CommissioningRefusal> {
         .as_f64()
         .filter(|hz| (0.0..=FREQUENCY_MAX_HZ).contains(hz));
     hz.ok_or_else(|| {
-        wrong(format!(
+        invalid_body(format!(
             "`{place}` must be a frequency from 0 to {FREQUENCY_MAX_HZ} Hz"
         ))
     })
@@ -191,10 +196,10 @@ fn text(place: &str, value: &Value) -> Result<String, CommissioningRefusal> {
         .as_str()
         .filter(|text| text.len() <= 256 && !text.chars().any(char::is_control));
     text.map(str::to_owned)
-        .ok_or_else(|| wrong(format!("`{place}` must be a text of one line")))
+        .ok_or_else(|| invalid_body(format!("`{place}` must be a text of one line")))
 }
 
-fn wrong(what: String) -> CommissioningRefusal {
+fn invalid_body(what: String) -> CommissioningRefusal {
     CommissioningRefusal::Wrong(what)
 }
 
@@ -208,7 +213,7 @@ struct ObjectReader<'v> {
 impl<'v> ObjectReader<'v> {
     fn new(place: &str, value: &'v Value) -> Result<Self, CommissioningRefusal> {
         let object = || {
-            wrong(format!(
+            invalid_body(format!(
                 "{} must be an object",
                 if place.is_empty() { "the body" } else { place }
             ))
@@ -228,7 +233,7 @@ impl<'v> ObjectReader<'v> {
 
     fn required(&mut self, key: &'static str) -> Result<&'v Value, CommissioningRefusal> {
         self.optional(key)
-            .ok_or_else(|| wrong(format!("`{}` is missing", self.path(key))))
+            .ok_or_else(|| invalid_body(format!("`{}` is missing", self.path(key))))
     }
 
     fn path(&self, key: &str) -> String {
@@ -246,7 +251,10 @@ impl<'v> ObjectReader<'v> {
             .keys()
             .find(|key| !self.taken.contains(&key.as_str()))
         {
-            Some(key) => Err(wrong(format!("`{}` is not known here", self.path(key)))),
+            Some(key) => Err(invalid_body(format!(
+                "`{}` is not known here",
+                self.path(key)
+            ))),
             None => Ok(()),
         }
     }
@@ -269,7 +277,7 @@ mod tests {
     }
 
     fn why(body: &Value) -> String {
-        wanted(body.to_string().as_bytes())
+        parse_addition(body.to_string().as_bytes())
             .map(drop)
             .unwrap_err()
             .to_string()
@@ -281,7 +289,7 @@ mod tests {
             json!({ "name": "p1", "station": 1, "model": "m", "full_scale_hz": null, "control": rules() }),
         );
         body["digest"] = "d".into();
-        let (found, digest) = wanted(body.to_string().as_bytes()).unwrap();
+        let (found, digest) = parse_addition(body.to_string().as_bytes()).unwrap();
         let WantedAddition::Line { name, drives } = found else {
             panic!("a line")
         };
@@ -301,7 +309,7 @@ mod tests {
         assert!(!control.accepts_unproven, "it is asked for, never assumed");
         let given = json!({ "drive": "p1", "control": rules() });
         assert!(
-            matches!(wanted(given.to_string().as_bytes()), Ok((WantedAddition::Control { drive, .. }, None)) if drive == "p1")
+            matches!(parse_addition(given.to_string().as_bytes()), Ok((WantedAddition::Control { drive, .. }, None)) if drive == "p1")
         );
     }
 

@@ -21,9 +21,9 @@ pub struct ModbusTotals {
     replies: AtomicU64,
     exceptions: [AtomicU64; ConnectionCounters::EXCEPTION_CODES],
     attempts_lost: AtomicU64,
-    /// Of each serial master that is served.
+    /// The counts of each serial master that is served.
     serial: ShownCounts<SerialTotals>,
-    /// Of each listener and serial master that is served.
+    /// The reads of each listener and serial master that is served.
     reads: ShownCounts<ReadTotals>,
 }
 
@@ -63,7 +63,7 @@ pub struct ReadTotals {
 }
 
 impl ReadTotals {
-    /// Of the listener called `listener`.
+    /// The counts of the listener called `listener`.
     #[must_use]
     pub fn new(listener: String) -> Self {
         Self {
@@ -124,7 +124,7 @@ pub struct SerialTotals {
 }
 
 impl SerialTotals {
-    /// Of the port of `master`.
+    /// The counts of the port of `master`.
     #[must_use]
     pub fn new(master: String) -> Self {
         Self {

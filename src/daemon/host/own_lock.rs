@@ -46,7 +46,7 @@ pub struct DataDirLock {
 enum NameRefusal {
     /// A process of the same user has it, or of root.
     Gateway(String),
-    /// It cannot be taken, but there is no evidence of another gateway.
+    /// The name cannot be taken, but there is no evidence of another gateway.
     Unknown(String),
 }
 

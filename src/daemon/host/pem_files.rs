@@ -29,7 +29,7 @@ pub fn certificates(file: &Path) -> Result<Vec<CertificateDer<'static>>, FileErr
             Ok(found)
         }
     });
-    found.map_err(|error| wrong(file, error, "it contains no certificate"))
+    found.map_err(|error| pem_error(file, error, "it contains no certificate"))
 }
 
 /// The first key of `file`.
@@ -38,7 +38,7 @@ pub fn certificates(file: &Path) -> Result<Vec<CertificateDer<'static>>, FileErr
 /// It cannot be read, or has no unencrypted key.
 pub fn key(file: &Path) -> Result<PrivateKeyDer<'static>, FileError> {
     PrivateKeyDer::from_pem_slice(&read(file)?).map_err(|error| {
-        wrong(
+        pem_error(
             file,
             error,
             "it contains no private key, or an encrypted one",
@@ -53,7 +53,7 @@ fn read(file: &Path) -> Result<Vec<u8>, FileError> {
     })
 }
 
-fn wrong(file: &Path, error: pem::Error, nothing: &str) -> FileError {
+fn pem_error(file: &Path, error: pem::Error, nothing: &str) -> FileError {
     let what = match error {
         pem::Error::NoItemsFound => nothing.to_owned(),
         pem::Error::Io(error) => error.to_string(),

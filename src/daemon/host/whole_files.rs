@@ -50,7 +50,7 @@ fn put(path: &Path, bytes: &[u8], readers: FileReaders, how: RenameFlags) -> io:
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
-    let new = beside(path);
+    let new = temporary_path(path);
     // What a process left that was killed while it wrote. Removed, so that the new file has none of its permissions.
     match fs::remove_file(&new) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
@@ -84,7 +84,7 @@ fn fill(new: &Path, bytes: &[u8], readers: FileReaders, directory: &Path) -> io:
 }
 
 /// The name under which it is written.
-fn beside(path: &Path) -> PathBuf {
+fn temporary_path(path: &Path) -> PathBuf {
     let mut name = path.file_name().map_or_else(OsString::new, OsString::from);
     name.push(".new");
     path.with_file_name(name)

@@ -202,7 +202,7 @@ fn shown_item(model: &Model, item: &SetupItem, found: Option<&Found>) -> SetupIt
         address: item.address.map(Address::number),
         wanted: wanted.map(|value| word_shown(register, *value)).collect(),
         result: result.into(),
-        seen: seen(model, register, found),
+        seen: seen_word(model, register, found),
     }
 }
 
@@ -236,7 +236,7 @@ fn shown_identity(
         wanted,
         result: result.into(),
         other: other.map(str::to_owned),
-        seen: seen(&description.model, register, found),
+        seen: seen_word(&description.model, register, found),
     }
 }
 
@@ -270,12 +270,12 @@ fn shown_watchdog<'f>(
         action,
         judged: judged.map(str::to_owned),
         is_stored: Some(is_stored),
-        seen: seen(model, register, found),
+        seen: seen_word(model, register, found),
     }
 }
 
 /// The word that was read, or why it could not be.
-fn seen(model: &Model, register: Option<&Register>, found: Option<&Found>) -> SeenWord {
+fn seen_word(model: &Model, register: Option<&Register>, found: Option<&Found>) -> SeenWord {
     match found {
         None => SeenWord::default(),
         Some(Ok(held)) => SeenWord {

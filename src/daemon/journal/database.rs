@@ -73,7 +73,7 @@ pub struct FileMark {
 pub struct TakenOver {
     /// Rows of all tables.
     pub rows: usize,
-    /// Of these: events that no broker has taken.
+    /// Those of them that are events that no broker has taken.
     pub waiting: usize,
     /// What is lost, as text.
     pub lost: Vec<String>,
@@ -128,7 +128,7 @@ impl JournalDatabase {
         let last_availability = highest("SELECT max(number) FROM availability")?.unwrap_or(0);
         let last_event = given.max(there).unwrap_or(0);
         let session = meta(&connection, "session")?.unwrap_or_else(|| session.to_owned());
-        let found = found(&connection)?;
+        let found = read_state(&connection)?;
         let is_synced = false;
         let is_in_doubt = false;
         let database = Self {
@@ -463,7 +463,7 @@ fn meta(connection: &Connection, key: &str) -> Result<Option<String>, Error> {
     }
 }
 
-fn found(connection: &Connection) -> Result<DatabaseState, Error> {
+fn read_state(connection: &Connection) -> Result<DatabaseState, Error> {
     let mut found = DatabaseState {
         configuration: meta(connection, "configuration")?,
         ..DatabaseState::default()

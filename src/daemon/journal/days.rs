@@ -131,8 +131,8 @@ pub(super) fn cut(connection: &Connection, most: u64) -> Result<bool, Error> {
 pub(super) fn take_over(transaction: &Transaction<'_>, old: &Path) -> Result<(), Error> {
     let mut rows = Vec::new();
     // What was read before an error is still sound, and an older file has no days.
-    let _ =
-        reader::salvage(old).and_then(|connection| each(&connection, None, |row| rows.push(row)));
+    let _ = reader::salvage(old)
+        .and_then(|connection| each_day(&connection, None, |row| rows.push(row)));
     for DayRow { drive, day, usage } in &rows {
         put(transaction, drive, *day, usage)?;
     }
@@ -143,7 +143,7 @@ pub(super) fn take_over(transaction: &Transaction<'_>, old: &Path) -> Result<(),
 ///
 /// # Errors
 /// SQLite's.
-pub fn each(
+pub fn each_day(
     connection: &Connection,
     drive: Option<&str>,
     mut take: impl FnMut(DayRow),
@@ -195,7 +195,7 @@ mod tests {
 
     fn all(connection: &Connection, drive: Option<&str>) -> Vec<(String, i32, u32)> {
         let mut rows = Vec::new();
-        each(connection, drive, |row| {
+        each_day(connection, drive, |row| {
             rows.push((row.drive, row.day.0, row.usage.totals.starts))
         })
         .unwrap();

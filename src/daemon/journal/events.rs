@@ -83,7 +83,9 @@ fn unread(connection: &Connection, after: u64, most: usize) -> Result<Vec<ReadRo
     let mut select = connection.prepare_cached(
         "SELECT number, at, kind, name, body, crc FROM event WHERE taken = 0 AND number > ? ORDER BY number LIMIT ?",
     )?;
-    let rows = select.query_map((after, most), |row| reader::seen(JournalTable::Event, row))?;
+    let rows = select.query_map((after, most), |row| {
+        reader::read_row(JournalTable::Event, row)
+    })?;
     rows.collect()
 }
 

@@ -41,7 +41,7 @@ impl ReadRow {
 ///
 /// # Errors
 /// The row has no number.
-pub fn seen(table: JournalTable, row: &rusqlite::Row<'_>) -> Result<ReadRow, Error> {
+pub fn read_row(table: JournalTable, row: &rusqlite::Row<'_>) -> Result<ReadRow, Error> {
     let number: u64 = row.get(0)?;
     let read = || {
         let unix_ms = row.get(1).ok()?;
@@ -134,7 +134,7 @@ pub fn row(
         table.name()
     );
     let mut select = connection.prepare_cached(&sql)?;
-    match select.query_row([number], |row| seen(table, row)) {
+    match select.query_row([number], |row| read_row(table, row)) {
         Err(Error::QueryReturnedNoRows) => Ok(None),
         found => found.map(Some),
     }
@@ -194,7 +194,7 @@ impl<'c> TableRows<'c> {
             self.table.name()
         );
         let mut select = self.connection.prepare_cached(&sql)?;
-        let rows = select.query_map((self.last, PAGE), |row| seen(self.table, row))?;
+        let rows = select.query_map((self.last, PAGE), |row| read_row(self.table, row))?;
         for row in rows {
             let row = row?;
             // A damaged index can loop.

@@ -36,7 +36,7 @@ pub enum NoLine {
     /// The port cannot be opened.
     #[error("cannot open {port}: {reason}")]
     Port {
-        /// As it was named.
+        /// The port as it was named.
         port: PortAddress,
         /// Why.
         reason: String,
@@ -44,7 +44,7 @@ pub enum NoLine {
     /// The port was opened, or a device server was contacted, but the line did not come up in time.
     #[error("{port} did not come up within {} s{}", OPEN_WITHIN.as_secs(), .fault.as_ref().map(|it| format!(": {it}")).unwrap_or_default())]
     Down {
-        /// As it was named.
+        /// The port as it was named.
         port: PortAddress,
         /// Why, as far as it is known.
         fault: Option<String>,

@@ -25,13 +25,13 @@ pub(super) struct CertifiedClient {
 /// Why a certificate cannot be used although its authority is trusted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub(super) enum UnusableCertificate {
-    /// It cannot be read.
+    /// The certificate cannot be read.
     #[error("its certificate cannot be read")]
     Unreadable,
-    /// It has no subject.
+    /// The certificate has no subject.
     #[error("its certificate has no subject")]
     NoSubject,
-    /// It has more than one role.
+    /// The certificate has more than one role.
     #[error("its certificate has more than one role extension (1.3.6.1.4.1.50316.802.1)")]
     Roles,
     /// The role is not text.

@@ -46,7 +46,7 @@ impl ListenerSecurity {
                         .map_err(|error| error.to_string())?
                         .with_client_cert_verifier(Arc::new(verifier))
                         .with_single_cert(chain, key)
-                        .map_err(|error| own(tls, &error))?;
+                        .map_err(|error| own_certificate_error(tls, &error))?;
                 // A resumed session would skip the client's certificate, which may have expired since, or whose
                 // authority may no longer be trusted.
                 config.session_storage = Arc::new(NoServerSessionStorage {});
@@ -82,7 +82,7 @@ impl ListenerSecurity {
 }
 
 /// What is wrong with the gateway's own certificate.
-fn own(tls: &ListenerTls, error: &Error) -> String {
+fn own_certificate_error(tls: &ListenerTls, error: &Error) -> String {
     let file = tls.cert_file.display();
     match error {
         Error::InconsistentKeys(_) => format!(

@@ -25,11 +25,11 @@ pub enum ConnectionEnding {
     Away,
     /// The broker closed it, this long after it had accepted it. It is probably restarting.
     Closed(Duration),
-    /// It broke otherwise, this long after the broker had accepted it; zero if it had not.
+    /// The connection broke otherwise, this long after the broker had accepted it; zero if it had not.
     Broken(Duration),
-    /// It ended after this time because another client has the same identifier.
+    /// The connection ended after this time because another client has the same identifier.
     Contested(Duration),
-    /// It ended after this time as if another client had the same identifier.
+    /// The connection ended after this time as if another client had the same identifier.
     Suspected(Duration),
 }
 

@@ -114,11 +114,11 @@ pub struct BrokenConnection {
 /// What the end of a connection says about the broker.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EndCause {
-    /// It is not reachable, or has closed the connection without a reason.
+    /// The broker cannot be reached, or has closed the connection without a reason.
     Gone,
-    /// It reports that another client has our identifier.
+    /// The broker reports that another client has our identifier.
     TakenOver,
-    /// It reports that a packet was larger than it takes.
+    /// The broker reports that a packet was larger than it takes.
     TooLarge,
     /// No conclusion.
     Other,
@@ -147,7 +147,7 @@ impl BrokenConnection {
 /// Why a publication is not sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UnfitPublication {
-    /// It is too large for the broker, or for the protocol.
+    /// The message is too large for the broker, or for the protocol.
     TooLarge,
     /// Its topic has wildcards or is empty.
     Topic,

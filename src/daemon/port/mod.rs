@@ -69,9 +69,9 @@ pub enum OpenError {
     /// The device did not accept its settings.
     #[error("the device does not take {wanted}: it is set to {held}")]
     Settings {
-        /// As configured.
+        /// The settings as configured.
         wanted: LinkSettings,
-        /// As read back.
+        /// The settings as read back.
         held: String,
     },
     /// The driver cannot turn the direction as configured.

@@ -31,7 +31,7 @@ pub enum ReadOutcome {
 pub struct SuspectModel {
     /// The model.
     pub model: Arc<Model>,
-    /// It leaves the factory with the setting that is tried.
+    /// The model leaves the factory with the setting that is tried.
     is_factory: bool,
     /// The words that it has alone at their addresses, and whether they are proven.
     words: BTreeMap<Address, bool>,
@@ -222,11 +222,11 @@ impl ModelStanding {
 /// What it costs to ask a station for a register that it does not have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RefusalCost {
-    /// It answers with an exception, as far as is known.
+    /// The drive answers with an exception, as far as is known.
     Cheap,
-    /// It does not answer, which takes a time-out.
+    /// The drive does not answer, which takes a time-out.
     Dear,
-    /// It has cost as many time-outs as it may.
+    /// The drive has cost as many time-outs as it may.
     TooDear,
 }
 

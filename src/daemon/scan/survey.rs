@@ -54,7 +54,7 @@ pub struct FoundDrive {
     pub setting: usize,
     /// Its station number.
     pub station: u8,
-    /// It answered with an exception, not with a word.
+    /// The drive answered with an exception, not with a word.
     pub by_exception: bool,
     /// Its model candidates.
     pub verdict: ModelVerdict,
@@ -69,7 +69,7 @@ pub struct ModelVerdict {
     pub other: Option<String>,
     /// Too little was heard to give a single name.
     pub is_open: bool,
-    /// It also answers addresses that no model has: a fit proves little.
+    /// The drive also answers addresses that no model has: a fit proves little.
     pub answers_anything: bool,
 }
 

@@ -10,7 +10,7 @@ pub enum StartError {
     /// A listener's address could not be bound.
     #[error("cannot listen on {address}: {error}{}", listen_hint(error))]
     Listen {
-        /// As configured.
+        /// The address as configured.
         address: SocketAddr,
         /// The system's reason.
         error: io::Error,

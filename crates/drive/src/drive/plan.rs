@@ -61,7 +61,7 @@ struct PlanEntry {
     is_trusted: bool,
     was_sent: bool,
     vain: VainReads,
-    /// It is part of a block that was refused, and is asked by itself until the drive has answered for it.
+    /// The entry is part of a block that was refused, and is asked by itself until the drive has answered for it.
     is_apart: bool,
     /// The code with which the drive refuses its only register: it is rarely polled.
     refused: Option<u8>,

@@ -40,7 +40,7 @@ pub struct DriveSight {
     is_away: bool,
     last_seen: Option<LastSeen>,
     may_still_run: bool,
-    /// It was reported that the drive may still run.
+    /// Whether it was reported that the drive may still run.
     is_reported: bool,
     /// A person has confirmed since then that the motor stands.
     is_confirmed: bool,

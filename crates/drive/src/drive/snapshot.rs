@@ -8,12 +8,12 @@ use crate::profile::scale::ScaledValue;
 /// Whether a drive answers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum DrivePresence {
-    /// It has not been polled yet.
+    /// The drive has not been polled yet.
     #[default]
     Unknown,
-    /// It answers.
+    /// The drive answers.
     Online,
-    /// It has been silent several times in a row.
+    /// The drive has been silent several times in a row.
     Offline,
 }
 
@@ -42,7 +42,7 @@ pub struct ValueReading {
 pub struct DriveSnapshot {
     /// Whether it answers.
     pub presence: DrivePresence,
-    /// It has not shown yet what every drive of its model shows, so that no reading counts.
+    /// The drive has not shown yet what every drive of its model shows, so that no reading counts.
     pub is_implausible: bool,
     /// In the order of their keys: they are looked up for every word that a client reads, and copied for every view.
     readings: Vec<(u32, WordReading)>,

@@ -163,34 +163,34 @@ impl RegisterCondition {
 /// The purpose of a write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StepPart {
-    /// It sets a register without a role.
+    /// The step sets a register without a role.
     Register,
-    /// It takes over or stores the registers that were set before.
+    /// The step takes over or stores the registers that were set before.
     Commit,
-    /// It gives the setpoint.
+    /// The step gives the setpoint.
     Setpoint(Hertz),
-    /// It gives the setpoint, whose sign orders the direction: a motor that turns follows it at once.
+    /// The step gives the setpoint, whose sign orders the direction: a motor that turns follows it at once.
     SignedSetpoint(Hertz, Direction),
-    /// It starts the motor.
+    /// The step starts the motor.
     Run(Direction),
-    /// It prepares the drive for the run word.
+    /// The step prepares the drive for the run word.
     Start,
-    /// It gives the direction of the run word that follows.
+    /// The step gives the direction of the run word that follows.
     Direction(Direction),
-    /// It belongs to a reset.
+    /// The step belongs to a reset.
     Reset {
-        /// It writes the reset word; all other words stop the motor or clear the reset.
+        /// The step writes the reset word; all other words stop the motor or clear the reset.
         resets: bool,
-        /// It is the last one.
+        /// The step is the last one.
         ends: bool,
         /// The drive shows afterwards whether a trip holds.
         is_seen: bool,
     },
-    /// It releases control.
+    /// The step releases control.
     Release,
-    /// It replaces a reset word that was left in the register.
+    /// The step replaces a reset word that was left in the register.
     TakesBack,
-    /// It takes back a start that the drive did not follow.
+    /// The step takes back a start that the drive did not follow.
     TakesStartBack,
 }
 

@@ -111,7 +111,7 @@ impl EnergySource {
 
     /// The source with this word; `None` if there is none.
     #[must_use]
-    pub fn named(word: &str) -> Option<Self> {
+    pub fn from_word(word: &str) -> Option<Self> {
         [Self::Counter, Self::Power]
             .into_iter()
             .find(|source| source.keyword() == word)

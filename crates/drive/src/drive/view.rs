@@ -117,7 +117,7 @@ pub enum RunState {
     Reverse = 3,
     /// Tripped.
     Tripped = 4,
-    /// It does not answer, or its line is down.
+    /// The drive does not answer, or its line is down.
     Offline = 5,
     /// Running, direction not known.
     Running = 6,
@@ -149,7 +149,7 @@ impl RunState {
 
     /// The state called `word` in topics; `None` if there is none.
     #[must_use]
-    pub fn named(word: &str) -> Option<Self> {
+    pub fn from_word(word: &str) -> Option<Self> {
         let all = [
             Self::Unknown,
             Self::Stopped,
@@ -219,7 +219,7 @@ pub struct TripEvent {
     pub count: Option<u16>,
     /// When it was seen.
     pub at: MonoTime,
-    /// It happened while the drive was not polled or offline, and was detected at the start or on its return.
+    /// The trip happened while the drive was not polled or offline, and was detected at the start or on its return.
     pub while_away: bool,
 }
 

@@ -8,18 +8,18 @@ use std::time::Duration;
 /// How the drive's own watchdog is set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum WatchdogState {
-    /// It has not been read yet, or the drive is offline.
+    /// The watchdog has not been read yet, or the drive is offline.
     #[default]
     Unknown,
-    /// It is off.
+    /// The watchdog is off.
     Off,
-    /// It is on, but the motor keeps running.
+    /// The watchdog is on, but the motor keeps running.
     KeepsRunning,
-    /// It may stop the drive without a fault: its time is not more than twice the longest gap between two frames.
+    /// The watchdog may stop the drive without a fault: its time is not more than twice the longest gap between two frames.
     TooShort,
     /// Its time is longer than allowed.
     TooLong,
-    /// It is on, and its time is in range.
+    /// The watchdog is on, and its time is in range.
     InOrder,
 }
 

@@ -29,7 +29,7 @@ pub struct DriveFacts {
     pub line_is_bad: bool,
     /// The drive has stopped answering.
     pub is_offline: bool,
-    /// It has not shown yet what every drive of its model shows.
+    /// The drive has not shown yet what every drive of its model shows.
     pub is_implausible: bool,
     /// A stop is not effective yet.
     pub stop_pending: bool,
@@ -55,15 +55,15 @@ pub struct DriveFacts {
 /// The verdict on a command.
 #[derive(Debug)]
 pub enum CommandVerdict {
-    /// It is already in force, or only renewed the lease: nothing is sent.
+    /// The command is already in force, or only renewed the lease: nothing is sent.
     Unchanged,
-    /// It joins the stop in progress.
+    /// The command joins the stop in progress.
     JoinsStop,
-    /// It is sent before everything else.
+    /// The command is sent before everything else.
     Stop(StopOrder),
     /// A stop that is already in force is sent again: the drive refused it, and may accept it now.
     StopAgain(StopOrder),
-    /// It is sent in its turn.
+    /// The command is sent in its turn.
     Go(Approved),
     /// Control has passed to the client, from the previous owner, if any.
     Taken(Option<Owner>),

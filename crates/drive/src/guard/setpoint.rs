@@ -39,7 +39,7 @@ struct Setpoint {
     acknowledged_at: MonoTime,
     /// The drive has shown it since it was accepted.
     is_shown: bool,
-    /// It was sent before, acknowledged and never shown.
+    /// The setpoint was sent before, acknowledged and never shown.
     is_repeated: bool,
 }
 
@@ -293,7 +293,7 @@ impl SetpointOrder {
 /// Whether a setpoint that equals the accepted one is in force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum InForce {
-    /// As far as the drive shows: nothing is sent.
+    /// The setpoint is in force, as far as the drive shows: nothing is sent.
     Yes,
     /// The drive holds another value: it is sent.
     No,

@@ -143,7 +143,9 @@ pub fn from_row(name: &str, day: DayNumber, body: &str, crc: u32) -> Option<DayU
         return None;
     }
     let body: Value = serde_json::from_str(body).ok()?;
-    let energy_from = body["energy_from"].as_str().and_then(EnergySource::named);
+    let energy_from = body["energy_from"]
+        .as_str()
+        .and_then(EnergySource::from_word);
     Some(DayUsage {
         totals: totals(&body),
         energy_from,

@@ -93,7 +93,7 @@ impl RememberedDrive {
             totals: totals(it),
             counter_mj: it["counter_mj"].as_u64(),
             between_mj: it["between_mj"].as_u64().unwrap_or(0),
-            energy_from: it["energy_from"].as_str().and_then(EnergySource::named),
+            energy_from: it["energy_from"].as_str().and_then(EnergySource::from_word),
         };
         // Earlier versions summed up trips only.
         let seen = UsageTotals {
@@ -140,7 +140,7 @@ fn seen_to_json(seen: LastSeen) -> Option<Value> {
 fn last_seen(of: &Value) -> Option<LastSeen> {
     let millihertz = |it: &Value| Some(Hertz::from_millihertz(u32::try_from(it.as_u64()?).ok()?));
     Some(LastSeen {
-        run_state: RunState::named(of["run_state"].as_str()?)?,
+        run_state: RunState::from_word(of["run_state"].as_str()?)?,
         output: millihertz(&of["millihertz"]),
         at: SeenAt::Before(WallTime {
             unix_ms: of["unix_ms"].as_i64()?,

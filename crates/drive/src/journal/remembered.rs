@@ -18,7 +18,7 @@ pub struct RememberedDrive {
     pub lease: Option<RememberedLease>,
     /// The stop that was not effective yet when the gateway exited.
     pub stop: Option<RememberedStop>,
-    /// It is out of sight and was not seen at standstill.
+    /// The drive is out of sight and was not seen at standstill.
     pub may_still_run: bool,
     /// What was then last seen of it.
     pub last_seen: Option<LastSeen>,

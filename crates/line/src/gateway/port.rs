@@ -68,7 +68,7 @@ impl PortState {
         self.fault = Some(fault);
     }
 
-    /// It cannot be opened.
+    /// The port cannot be opened.
     pub fn refused(&mut self, reason: Arc<str>) {
         self.open_error = Some(reason);
     }

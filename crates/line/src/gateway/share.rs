@@ -40,7 +40,7 @@ pub(super) struct LineShare {
     yields_until: Option<MonoTime>,
     /// Where a stop fits while another one sends.
     gap: MasterGaps,
-    /// It gave the line up by itself, and no other gateway was heard since.
+    /// This gateway gave the line up by itself, and no other gateway was heard since.
     gave_way: bool,
     /// The signal that is on its way to the port.
     signal: Option<SignalKind>,

@@ -45,7 +45,7 @@ pub struct StopLatch {
     awaited_since: MonoTime,
     /// When the last of them was accepted.
     accepted_at: MonoTime,
-    /// It was broadcast to all drives of the line.
+    /// The stop was broadcast to all drives of the line.
     was_broadcast: bool,
     /// Number of times it was sent.
     sent: u32,
@@ -68,7 +68,7 @@ pub struct StopLatch {
     /// The zeros that a drive which was away has shown last.
     zeros: Option<ZeroSpan>,
     is_late_reported: bool,
-    /// It was reported that the stop could not be sent in time.
+    /// Whether it was reported that the stop could not be sent in time.
     is_unsent_reported: bool,
     /// Since when the drive has been offline, if it is.
     offline_since: Option<MonoTime>,
@@ -77,7 +77,7 @@ pub struct StopLatch {
     declared_at: Option<MonoTime>,
     /// Neither the stop nor a read is sent before this moment.
     silent_until: MonoTime,
-    /// It was ordered before a restart of the gateway, and nothing was sent for it since.
+    /// The stop was ordered before a restart of the gateway, and nothing was sent for it since.
     is_remembered: bool,
     by_client: ByClient,
 }
@@ -127,7 +127,7 @@ pub enum StopTurn {
     None,
     /// No effect in time.
     NotEffective,
-    /// It could not be sent in time.
+    /// The stop could not be sent in time.
     NotSent,
     /// The drive stayed offline for too long; the stop is no longer repeated.
     Dropped,
@@ -296,7 +296,7 @@ impl StopLatch {
         (self.is_first() && !self.was_broadcast).then(|| self.frame().1)
     }
 
-    /// It was broadcast to all drives of the line at `now`. A broadcast is not answered, so its own frame still follows.
+    /// The stop was broadcast to all drives of the line at `now`. A broadcast is not answered, so its own frame still follows.
     /// Returns when it was accepted.
     pub fn was_broadcast(&mut self, now: MonoTime) -> MonoTime {
         self.goes_out(now);

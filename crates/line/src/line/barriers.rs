@@ -47,7 +47,7 @@ impl LoopNonces {
 enum BarrierProof {
     /// A document of the drive says so.
     Documented,
-    /// It has to be tested; `tries` answers arrived damaged.
+    /// The barrier has to be tested; `tries` answers arrived damaged.
     Open { tries: u8 },
     /// A test has succeeded.
     Shown,

@@ -85,9 +85,9 @@ pub struct ScheduleFull;
 /// Whether a read joined another or waits on its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum QueuedRead {
-    /// It waits on its own.
+    /// The read waits on its own.
     Alone,
-    /// It shares the exchange of an earlier request that is not on the wire yet.
+    /// The read shares the exchange of an earlier request that is not on the wire yet.
     Joined,
 }
 

@@ -181,7 +181,7 @@ impl StationState {
         self.pauses_until
     }
 
-    /// It needs a pause until `moment`.
+    /// The station needs a pause until `moment`.
     pub fn pause_until(&mut self, moment: MonoTime) {
         self.pauses_until = self.pauses_until.max(moment);
     }
@@ -194,13 +194,13 @@ impl StationState {
             .max(self.pauses_until)
     }
 
-    /// It may have been sent a request by another; the reply can arrive until `moment`. Answers to that one explain frames.
+    /// The station may have been sent a request by another; the reply can arrive until `moment`. Answers to that one explain frames.
     pub const fn asked_before(&mut self, moment: MonoTime) {
         self.quiet = StationSilence::NONE;
         self.asked_before_until = moment;
     }
 
-    /// It is known to be deaf until `moment`.
+    /// The station is known to be deaf until `moment`.
     pub fn rest_until(&mut self, moment: MonoTime) {
         self.rests_until = self.rests_until.max(moment);
     }

@@ -50,11 +50,11 @@ impl RequestClass {
 /// Longest waits from the end of a request to the start of its reply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReplyTimeouts {
-    /// Of a read.
+    /// The time-out of a read.
     pub read: Duration,
-    /// Of a write.
+    /// The time-out of a write.
     pub write: Duration,
-    /// Of a write of a stored register.
+    /// The time-out of a write of a stored register.
     pub stored_write: Duration,
     /// Whether the waits are shortened according to measured reply times.
     pub learns: bool,

@@ -223,9 +223,9 @@ impl fmt::Display for Owner {
 /// What the listener or the broker connection permits a client to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Rights {
-    /// It may command.
+    /// The client may command.
     pub write: bool,
-    /// It may stop.
+    /// The client may stop.
     pub stop: bool,
 }
 

@@ -147,7 +147,7 @@ impl FailSafeRun {
         self.reach(stage, !self.stage.is_over())
     }
 
-    /// It is not sent any more. Returns whether that is new.
+    /// The action is no longer sent. Returns whether that is new.
     pub fn was_given_up(&mut self) -> bool {
         self.reach(FailSafeStage::GivenUp, !self.stage.is_over())
     }

@@ -23,9 +23,9 @@ pub struct StandbyPair {
 /// What this gateway does on a line that has several.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum LineRole {
-    /// It only listens: another one sends, or may send.
+    /// The gateway only listens: another one sends, or may send.
     Listening,
-    /// It sends.
+    /// The gateway sends.
     Active,
 }
 
@@ -46,13 +46,13 @@ impl LineRole {
 /// What happens to a drive that was seen ordered to run, when this gateway takes its line over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum OnGatewayLost {
-    /// It is stopped along its ramp.
+    /// The drive is stopped along its ramp.
     Stop,
     /// Its output is cut off.
     Coast,
-    /// It goes on, and nothing is sent.
+    /// The drive keeps running, and nothing is sent.
     Hold,
-    /// It goes on for `lost_after`, so that its client can come back. Then it is as after a lost client.
+    /// The drive keeps running for `lost_after`, so that its client can come back. Then it is as after a lost client.
     Adopt,
 }
 
@@ -97,7 +97,7 @@ pub struct StandbyReport {
 /// What keeps the gateways of a line from standing in for each other, while it lasts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StandbyTrouble {
-    /// It hears no sound frame although it should.
+    /// The gateway hears no valid frame although it should.
     pub is_deaf: bool,
     /// The other gateway has other drives on the line, or the same with other limits or declared actions.
     pub files_differ: bool,

@@ -34,15 +34,15 @@ const ORDER_WORDS: u16 = 94;
 /// What a gateway says to the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SignalKind {
-    /// It is active.
+    /// The sender is active.
     Active,
-    /// It gives the line up, and asks the next one to take it over: nothing is silent for long, and no drive is stopped.
+    /// The sender leaves the line, and asks the next one to take it over: nothing is silent for long, and no drive is stopped.
     HandOver,
-    /// It is active, and asks whether another one listens.
+    /// The sender is active, and asks whether another one listens.
     Question,
-    /// It listens: the answer to a question.
+    /// The sender listens: the answer to a question.
     Listening,
-    /// It listens, and its drives differ from those of the gateway that asks.
+    /// The sender listens, and its drives differ from those of the gateway that asks.
     Differs,
 }
 

@@ -100,7 +100,7 @@ pub fn unknown_word(text: &str, right: &str) -> RefusedCommand {
     )
 }
 
-/// As much of `text` as a message shows.
+/// The part of `text` that a message shows.
 #[must_use]
 pub fn short(text: &str) -> String {
     const CHARS_MAX: usize = 40;

@@ -14,9 +14,9 @@ use crate::north::texts::Sentence;
 pub enum Severity {
     /// Nothing has to be done.
     Good,
-    /// It works, but is worth a look when there is time.
+    /// The subject works, but is worth a look when there is time.
     Hint,
-    /// It does not work, causes disturbance, or is about to.
+    /// The subject does not work, causes disturbance, or is about to.
     Problem,
     /// A drive is tripped.
     Trip,
@@ -178,7 +178,7 @@ pub fn ranked(findings: impl IntoIterator<Item = Finding>) -> Vec<Finding> {
     all
 }
 
-/// That a drive does not answer, and what to check.
+/// The finding that a drive does not answer, and what to check.
 pub(super) fn offline(station: Option<Station>) -> Sentence {
     match station {
         Some(station) => Sentence::new("finding.offline_at").with("station", u64::from(station.0)),
@@ -191,12 +191,12 @@ pub(super) fn warns(warning: String) -> Sentence {
     Sentence::new("finding.warns").with("warning", warning)
 }
 
-/// That so many exchanges of a line fail that RUN is refused.
+/// The finding that so many exchanges of a line fail that RUN is refused.
 pub(super) fn suspended(bad_per_cent: u8) -> Sentence {
     Sentence::new("finding.suspended").with("bad", u64::from(bad_per_cent))
 }
 
-/// That polls need more than the line's time.
+/// The finding that polls need more than the line's time.
 pub(super) fn over_full(planned_use_per_mille: u32) -> Sentence {
     Sentence::new("finding.over_full").with("use", u64::from(planned_use_per_mille / 10))
 }

@@ -24,9 +24,9 @@ use std::time::Duration;
 /// How reliable a value is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Freshness {
-    /// It is not older than allowed.
+    /// The value is not older than allowed.
     Good,
-    /// It is older than allowed.
+    /// The value is older than allowed.
     Stale,
     /// There is none yet.
     Never,
@@ -199,7 +199,7 @@ pub fn fail_safe(control: Option<&ControlView>, clock: &LabelClock) -> Option<Fa
     })
 }
 
-/// That a drive that is out of sight may still run, and what was last seen of it.
+/// The sentence that a drive out of sight may still run, and what was last seen of it.
 #[must_use]
 pub fn may_still_run(view: &DriveView) -> Sentence {
     let Some(seen) = view.sight.last_seen else {

@@ -167,13 +167,13 @@ impl PlanError {
 /// The fate of a reply as a whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ReplyFate {
-    /// It arrives in time.
+    /// The reply arrives in time.
     OnTime,
-    /// It arrives after the time-out.
+    /// The reply arrives after the time-out.
     Late,
-    /// It arrives after the maximum lateness.
+    /// The reply arrives after the maximum lateness.
     Beyond,
-    /// It is lost.
+    /// The reply is lost.
     Lost,
 }
 

@@ -45,7 +45,7 @@ impl SimNode {
         true
     }
 
-    /// It transmits until `end`; `is_late` if it should have done so earlier.
+    /// The node transmits until `end`; `is_late` if it should have done so earlier.
     pub fn transmits(&mut self, end: MonoTime, is_late: bool) {
         self.busy_until = end;
         if self.pause > Duration::ZERO {

@@ -8,12 +8,12 @@ use std::time::Duration;
 /// If it is undocumented, both must be tested.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum BadRequest {
-    /// It answers with an exception if the model lists any, else it does not answer.
+    /// The drive answers with an exception if the model lists any, else it does not answer.
     #[default]
     AsDocumented,
-    /// It does not answer.
+    /// The drive does not answer.
     Silence,
-    /// It answers with an exception.
+    /// The drive answers with an exception.
     Exception,
 }
 

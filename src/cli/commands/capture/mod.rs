@@ -50,7 +50,7 @@ pub struct Args {
 
 /// Why a capture ended.
 enum CaptureEnd {
-    /// As requested by the arguments, or by the user.
+    /// The arguments or the user wanted the end.
     Wanted,
     /// The gateway sends no more, for this reason.
     Lost(String),

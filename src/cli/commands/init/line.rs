@@ -28,9 +28,9 @@ pub fn line<R: BufRead>(
 ) -> Result<NewLine, CommandFailure> {
     let port = port(questions, args)?;
     let mut line = if args.drive.is_empty() {
-        found(questions, args, catalog, port)?
+        line_from_scan(questions, args, catalog, port)?
     } else {
-        given(args, catalog, port)?
+        line_from_flags(args, catalog, port)?
     };
     full_scale(questions, args, &mut line.drives)?;
     Ok(line)
@@ -84,7 +84,11 @@ fn listed(adapters: &[SerialAdapter]) -> String {
 }
 
 /// What the flags say.
-fn given(args: &Args, catalog: &Catalog, port: PortAddress) -> Result<NewLine, CommandFailure> {
+fn line_from_flags(
+    args: &Args,
+    catalog: &Catalog,
+    port: PortAddress,
+) -> Result<NewLine, CommandFailure> {
     let drives = args
         .drive
         .iter()
@@ -153,7 +157,7 @@ const fn drive(name: String, model: Arc<Model>, station: u8, why: String) -> New
 }
 
 /// Looks for drives, and asks what a scan cannot tell.
-fn found<R: BufRead>(
+fn line_from_scan<R: BufRead>(
     questions: &mut PersonQuestions<R>,
     args: &Args,
     catalog: &Catalog,

@@ -39,7 +39,7 @@ pub fn init(args: &Args) -> Result<(), CommandFailure> {
     let catalog = input::catalog_with(&ModelDirs::default())?;
     let mut questions = PersonQuestions::new(io::stdin().lock());
     let mut secrets = InitSecrets::default();
-    let answers = asked(&mut questions, args, &catalog, &directory, &mut secrets)?;
+    let answers = ask_answers(&mut questions, args, &catalog, &directory, &mut secrets)?;
     let text = answers.text();
     checked(&text, &catalog)?;
     let service = service_wanted(&mut questions, args, can_be_service)?;
@@ -110,7 +110,7 @@ fn absolute(path: &Path) -> Result<PathBuf, CommandFailure> {
         .map_err(|error| CommandFailure::failed(format!("{}: {error}", path.display())))
 }
 
-fn asked<R: BufRead>(
+fn ask_answers<R: BufRead>(
     questions: &mut PersonQuestions<R>,
     args: &Args,
     catalog: &Catalog,
@@ -118,7 +118,7 @@ fn asked<R: BufRead>(
     secrets: &mut InitSecrets,
 ) -> Result<InitAnswers, CommandFailure> {
     let mut line = line::line(questions, args, catalog)?;
-    let wanted = ways::wanted(questions, args)?;
+    let wanted = ways::ask_interfaces(questions, args)?;
     let has = |way: &str| wanted.iter().any(|it| it == way);
     let mut page = if has("page") {
         Some(ways::page(questions, args)?)

@@ -25,9 +25,9 @@ const DATA_DIR: &str = "/var/lib/vfd-gateway";
 pub enum WantedService {
     /// Nothing.
     None,
-    /// It is installed.
+    /// The service is installed.
     Install,
-    /// It is installed, runs, and starts with the host.
+    /// The service is installed, runs, and starts with the host.
     Start,
 }
 

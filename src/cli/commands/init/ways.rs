@@ -92,7 +92,7 @@ fn action(text: &str) -> Result<String, String> {
 }
 
 /// The ways that are wanted.
-pub fn wanted<R: BufRead>(
+pub fn ask_interfaces<R: BufRead>(
     questions: &mut PersonQuestions<R>,
     args: &Args,
 ) -> Result<Vec<String>, CommandFailure> {

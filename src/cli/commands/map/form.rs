@@ -77,7 +77,7 @@ fn hex(row: &SheetRow) -> String {
     format!("0x{:04X}", row.address)
 }
 
-/// As in RFC 4180. A number of a table begins with 0, 1, 3 or 4 and never with what starts a formula; texts of a model
+/// A cell quoted as in RFC 4180. A number of a table begins with 0, 1, 3 or 4 and never with what starts a formula; texts of a model
 /// might.
 fn quoted(cell: &str) -> String {
     let is_formula = cell.len() > 1 && cell.starts_with(['=', '+', '-', '@']);
@@ -139,7 +139,7 @@ fn section(text: &mut String, map: &UnitMap) {
             numbers(row),
             row.functions(map.kind == "native"),
             row.access(),
-            escaped(&what(row)),
+            escaped(&meaning_cell(row)),
             row.format.keyword(),
             [row.step.as_str(), row.unit].join(" ").trim(),
             escaped(&values(row))
@@ -170,7 +170,7 @@ fn numbers(row: &SheetRow) -> String {
     numbers.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
-fn what(row: &SheetRow) -> String {
+fn meaning_cell(row: &SheetRow) -> String {
     let code = if row.code.is_empty() {
         String::new()
     } else {

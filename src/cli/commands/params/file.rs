@@ -48,7 +48,7 @@ pub struct Parameter {
     pub title: String,
 }
 
-/// One that the drive did not show.
+/// A parameter that the drive did not show.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnreadableParameter {
     /// The vendor's code.

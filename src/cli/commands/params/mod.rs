@@ -204,7 +204,7 @@ async fn dump(args: &DumpArgs) -> Result<(), CommandFailure> {
         )));
     }
     let reached = args.of.reach(args.drive.as_deref(), false).await?;
-    let dump = whole(&reached.live).await;
+    let dump = read_dump(&reached.live).await;
     reached.close().await;
     let dump = dump?;
     if !dump.unreadable.is_empty() {
@@ -232,7 +232,7 @@ async fn dump(args: &DumpArgs) -> Result<(), CommandFailure> {
     Ok(())
 }
 
-async fn whole(live: &GatewayDrive) -> Result<ParameterDump, CommandFailure> {
+async fn read_dump(live: &GatewayDrive) -> Result<ParameterDump, CommandFailure> {
     let catalogue = live.catalogue().await?;
     let mut dump = live.dump(&catalogue.model, &catalogue.parameters).await?;
     // A drive that shows no parameter is not asked for more.
@@ -262,7 +262,7 @@ async fn compare(args: &DiffArgs) -> Result<(), CommandFailure> {
             .of
             .reach(args.drive.as_deref().or(Some(&first.drive)), false)
             .await?;
-        let dump = whole(&reached.live).await;
+        let dump = read_dump(&reached.live).await;
         reached.close().await;
         dump?
     } else {

@@ -12,9 +12,9 @@ const SILENT_MAX: usize = 3;
 pub enum WalkOutcome {
     /// The drive has it.
     Shown(Parameter),
-    /// It answered with an exception.
+    /// The drive answered with an exception.
     Refused(String),
-    /// It did not answer, or could not be asked, for this reason.
+    /// The drive did not answer, or could not be asked, for this reason.
     Silent(String, String),
 }
 
@@ -25,7 +25,7 @@ pub struct GroupWalk {
     refused: Vec<String>,
     /// Codes that it did not answer, since it last answered one, and why.
     silent: Vec<(String, String)>,
-    /// It was left before its last number.
+    /// The walk ended before the last number of the group.
     is_cut: bool,
 }
 

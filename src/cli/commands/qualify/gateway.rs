@@ -31,7 +31,7 @@ pub(super) struct TrialDrive {
 pub(super) enum OrderOutcome {
     /// The drive acknowledged it.
     Acknowledged,
-    /// It was refused before anything was sent, for this reason.
+    /// The order was refused before anything was sent, for this reason.
     Refused(String),
     /// The drive refused it, or did not answer.
     Failed(String),

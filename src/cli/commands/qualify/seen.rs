@@ -39,7 +39,7 @@ pub(super) enum ExpectedState {
     StaysAtRest,
     /// The motor comes to rest.
     ComesToRest,
-    /// It runs in this direction, at about this frequency.
+    /// The motor runs in this direction, at about this frequency.
     Runs(&'static str, f64),
     /// A trip is gone, and nothing moves.
     TripIsGone,
@@ -50,11 +50,11 @@ pub(super) enum ExpectedState {
 /// How a state compares with it.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum ComparedState {
-    /// It shows it.
+    /// The drive shows what was expected.
     Seen,
-    /// It may still come.
+    /// The drive may still come to show it.
     NotYet,
-    /// It is something else.
+    /// The drive shows something else.
     Against(String),
 }
 
@@ -82,16 +82,16 @@ pub(super) fn compare(
         !moves && !has_output && ["stopped", "tripped"].contains(&state.run_state.as_str());
     match expected {
         ExpectedState::StaysAtRest if moves || has_output => {
-            ComparedState::Against(format!("the motor moves: {}", said(state)))
+            ComparedState::Against(format!("the motor moves: {}", state_text(state)))
         }
         ExpectedState::StaysAtRest | ExpectedState::ComesToRest => seen_if(at_rest),
         ExpectedState::Runs(direction, hertz) => runs(direction, hertz, state),
         ExpectedState::TripIsGone if moves || has_output => {
-            ComparedState::Against(format!("the motor moves: {}", said(state)))
+            ComparedState::Against(format!("the motor moves: {}", state_text(state)))
         }
         ExpectedState::TripIsGone => seen_if(!is_tripped && state.tripped == Some(false)),
         ExpectedState::ObeysPanel if moves || has_output => {
-            ComparedState::Against(format!("the motor moves: {}", said(state)))
+            ComparedState::Against(format!("the motor moves: {}", state_text(state)))
         }
         ExpectedState::ObeysPanel => seen_if(state.local != Some(false)),
     }
@@ -113,13 +113,16 @@ fn runs(direction: &str, hertz: f64, state: &SeenState) -> ComparedState {
         "forward"
     };
     if state.run_state == other {
-        return ComparedState::Against(format!("the motor turns the other way: {}", said(state)));
+        return ComparedState::Against(format!(
+            "the motor turns the other way: {}",
+            state_text(state)
+        ));
     }
     let output = state.output_hz.map_or(0.0, f64::abs);
     if output > hertz * 1.5 + 1.0 {
         return ComparedState::Against(format!(
             "the output is much higher than ordered: {}",
-            said(state)
+            state_text(state)
         ));
     }
     let runs = state.run_state == direction || state.run_state == "running";
@@ -127,7 +130,7 @@ fn runs(direction: &str, hertz: f64, state: &SeenState) -> ComparedState {
 }
 
 /// What the drive does, in words.
-pub(super) fn said(state: &SeenState) -> String {
+pub(super) fn state_text(state: &SeenState) -> String {
     let output = state.output_hz.map_or_else(
         || "output not known".to_owned(),
         |hertz| format!("output {hertz:.2} Hz"),

@@ -3,7 +3,7 @@
 
 use super::gateway::{HeldLease, OrderOutcome, TrialDrive};
 use super::person::{TypedLines, is_skip, is_yes};
-use super::seen::{ComparedState, ExpectedState, SeenState, compare, said};
+use super::seen::{ComparedState, ExpectedState, SeenState, compare, state_text};
 use super::texts;
 use crate::cli::tools::{CommandFailure, print};
 use crate::config::qualified::TrialFinding;
@@ -99,7 +99,7 @@ impl<'a> TrialSession<'a> {
         if !matches!(state.run_state.as_str(), "stopped" | "tripped") {
             let what = format!(
                 "the motor must stand still before the trials: {}",
-                said(&state)
+                state_text(&state)
             );
             return Err(TrialsEnd::Failed(CommandFailure::failed(what)));
         }
@@ -413,7 +413,7 @@ impl<'a> TrialSession<'a> {
             let state = self.gateway.state().await?;
             match compare(expected, &state, clock::now().since(sent)) {
                 ComparedState::Seen => {
-                    print(&format!("  read:     {}\n", said(&state)))?;
+                    print(&format!("  read:     {}\n", state_text(&state)))?;
                     return Ok(Ok(()));
                 }
                 ComparedState::Against(why) => return self.against(why).await.map(Err),
@@ -429,7 +429,7 @@ impl<'a> TrialSession<'a> {
         self.against(format!(
             "not seen within {} s: {}",
             within.as_secs(),
-            said(state)
+            state_text(state)
         ))
         .await
     }
@@ -508,7 +508,7 @@ async fn leaves(gateway: &TrialDrive, stays: Option<ExpectedState>) -> Result<St
             ComparedState::NotYet => {
                 return Ok(format!(
                     "the drive does not follow the order: {}",
-                    said(&state)
+                    state_text(&state)
                 ));
             }
         }

@@ -1,7 +1,7 @@
 //! The texts of `qualify` for people: the list, the beginning, an order before it is sent, and the summary.
 
 use super::session::ActionResult;
-use crate::cli::tools::setup::{known, table};
+use crate::cli::tools::setup::{table, text_or_unknown};
 use crate::north::api::{TrialActionDocument, TrialDocument, TrialFrame};
 use std::fmt::Write;
 
@@ -37,8 +37,8 @@ fn standing(action: &TrialActionDocument) -> String {
         None => "not tried".to_owned(),
         Some(result) => format!(
             "{result} by {}, {}",
-            known(action.by.as_deref()),
-            known(action.at.as_deref())
+            text_or_unknown(action.by.as_deref()),
+            text_or_unknown(action.at.as_deref())
         ),
     };
     let is_confirmed = action.result.as_deref() == Some("confirmed");
@@ -58,7 +58,7 @@ pub(super) fn beginning(look: &TrialDocument) -> String {
         drive, model, line, ..
     } = look;
     let setpoint = look.setpoint_hz.unwrap_or_default();
-    let lost = known(look.on_commander_lost.as_deref());
+    let lost = text_or_unknown(look.on_commander_lost.as_deref());
     let after = look.lost_after_ms.unwrap_or_default() as f64 / 1000.0;
     format!(
         "Trials at drive {drive} ({model} on {line}).\n\

@@ -132,7 +132,7 @@ pub fn scan(args: &Args) -> Result<(), CommandFailure> {
         echoes,
         date: &date,
     };
-    tell(args, &scan, late)?;
+    print_results(args, &scan, late)?;
     ended?;
     match (findings.is_complete, findings.drives.is_empty()) {
         (false, _) => Err(CommandFailure::failed(
@@ -160,7 +160,7 @@ fn may_be_wanted(args: &Args, is_network: bool) -> Result<(), CommandFailure> {
 }
 
 /// Prints the results where they belong.
-fn tell(args: &Args, scan: &ScanReport<'_>, late: u64) -> Result<(), CommandFailure> {
+fn print_results(args: &Args, scan: &ScanReport<'_>, late: u64) -> Result<(), CommandFailure> {
     if late > 0 {
         let hint = "ask again with a longer --seconds-per-station";
         complain(format!("{late} frames arrived too late to count: {hint}\n").as_bytes());

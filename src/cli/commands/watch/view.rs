@@ -47,7 +47,7 @@ impl TerminalView {
         })
     }
 
-    /// These values were read at `now`.
+    /// Shows `values`, which were read at `now`.
     pub fn values(&mut self, values: Vec<ShownValue>, now: MonoTime) {
         self.trouble = None;
         let mut old = std::mem::take(&mut self.rows);

@@ -16,7 +16,7 @@ pub fn models_that_run(catalog: &Catalog, address: u16, word: u16) -> Vec<&str> 
     catalog.ids().filter(runs).collect()
 }
 
-/// As the gateway decodes the word too; a run word that says no direction runs the motor all the same.
+/// Whether `word` runs the motor, as the gateway decodes it; a run word that says no direction runs the motor all the same.
 fn runs(model: &Model, address: u16, word: u16) -> bool {
     let address = address.into();
     let is_decoded = || matches!(decode::order(model, address, &[word]), Ok(Order::Go(go)) if go.run().is_some());

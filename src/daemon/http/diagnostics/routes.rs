@@ -26,17 +26,17 @@ pub fn own_router(diagnostics: Arc<ArchiveMaker>) -> Router {
 
 async fn own(State(diagnostics): State<Arc<ArchiveMaker>>, RawQuery(query): RawQuery) -> Response {
     match QueryKeys::seconds(query.as_deref(), &SECONDS) {
-        Ok(seconds) => made(&diagnostics, seconds.unwrap_or(SECONDS_USUAL)).await,
+        Ok(seconds) => make_archive(&diagnostics, seconds.unwrap_or(SECONDS_USUAL)).await,
         Err(expected) => refusal(StatusCode::BAD_REQUEST, &expected),
     }
 }
 
 /// The archive for a user of the page.
 pub async fn answer(diagnostics: &ArchiveMaker) -> Response {
-    made(diagnostics, SECONDS_USUAL).await
+    make_archive(diagnostics, SECONDS_USUAL).await
 }
 
-async fn made(diagnostics: &ArchiveMaker, seconds: u64) -> Response {
+async fn make_archive(diagnostics: &ArchiveMaker, seconds: u64) -> Response {
     let Some(_place) = diagnostics.place() else {
         return refusal(
             StatusCode::SERVICE_UNAVAILABLE,

@@ -11,21 +11,21 @@ pub fn fresh<T: Serialize>(document: &T) -> Response {
 }
 
 /// What is wrong, for people.
-pub fn wrong(status: StatusCode, what: impl Into<String>) -> Response {
+pub fn error_answer(status: StatusCode, what: impl Into<String>) -> Response {
     refusal(status, &what.into())
 }
 
 /// There is no journal to read.
 pub fn no_journal() -> Response {
-    wrong(
+    error_answer(
         StatusCode::NOT_FOUND,
         "there is no journal: it needs `data_dir` in [gateway]",
     )
 }
 
-/// As many clients read the journal as may at once.
+/// The answer while as many clients read the journal as may at once.
 pub fn too_many_readers() -> Response {
-    wrong(
+    error_answer(
         StatusCode::SERVICE_UNAVAILABLE,
         "other clients are reading the journal; try again in a moment",
     )
@@ -45,7 +45,7 @@ impl LiveFormat {
     ///
     /// # Errors
     /// What would be right, for people.
-    pub fn named(word: Option<&str>) -> Result<Self, String> {
+    pub fn from_word(word: Option<&str>) -> Result<Self, String> {
         match word {
             None | Some("json") => Ok(Self::Json),
             Some("csv") => Ok(Self::Csv),

@@ -1,7 +1,7 @@
 //! Rows of the journal for HTTP clients, read on other threads and bounded in number.
 
 use super::LiveDocuments;
-use super::answers::{LiveFormat, no_journal, too_many_readers, wrong};
+use super::answers::{LiveFormat, error_answer, no_journal, too_many_readers};
 use crate::daemon::host::clock;
 use crate::daemon::http::query::QueryKeys;
 use crate::daemon::http::taking::PIECE_BYTES;
@@ -38,9 +38,9 @@ struct JournalQuery {
 }
 
 pub async fn rows(State(live): State<Arc<LiveDocuments>>, RawQuery(query): RawQuery) -> Response {
-    let asked = match asked(query.as_deref()) {
+    let asked = match parse_query(query.as_deref()) {
         Ok(asked) => asked,
-        Err(what) => return wrong(StatusCode::BAD_REQUEST, what),
+        Err(what) => return error_answer(StatusCode::BAD_REQUEST, what),
     };
     let Some(journal) = &live.state.journal else {
         return no_journal();
@@ -62,15 +62,15 @@ pub async fn rows(State(live): State<Arc<LiveDocuments>>, RawQuery(query): RawQu
             Body::new(JournalPieces::Ready(Box::new(reading), first)),
         )
             .into_response(),
-        Ok(Err(error)) => wrong(
+        Ok(Err(error)) => error_answer(
             StatusCode::SERVICE_UNAVAILABLE,
             format!("the journal cannot be read: {error}"),
         ),
-        Err(error) => wrong(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()),
+        Err(error) => error_answer(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()),
     }
 }
 
-fn asked(query: Option<&str>) -> Result<JournalQuery, String> {
+fn parse_query(query: Option<&str>) -> Result<JournalQuery, String> {
     let query = QueryKeys::read(query, &KEYS)?;
     let table = query.get("table").unwrap_or("all");
     let tables = search::tables(table).ok_or_else(|| {
@@ -86,7 +86,7 @@ fn asked(query: Option<&str>) -> Result<JournalQuery, String> {
         Some(Ok(last)) if (1..=LAST_MAX).contains(&last) => last,
         Some(_) => return Err(format!("`last` is a number from 1 to {LAST_MAX}")),
     };
-    let format = LiveFormat::named(query.get("format"))?;
+    let format = LiveFormat::from_word(query.get("format"))?;
     let wanted = WantedRows {
         tables,
         drive: query.get("drive").map(str::to_owned),

@@ -29,7 +29,7 @@ struct SentDrive {
     /// When it has to be sent again although the view is the same.
     changes_at: MonoTime,
     advice: Vec<Finding>,
-    /// As a listener knows it by now.
+    /// The document as the listener knows it by now.
     document: Value,
 }
 
@@ -57,9 +57,9 @@ impl SentDrive {
 /// What is new of the drives.
 #[derive(Default)]
 struct DriveNews {
-    /// Of each that has changed, what has.
+    /// The changes of each drive that has changed.
     changed: Vec<Value>,
-    /// Of each that was read, how old its oldest value is.
+    /// The age of the oldest value of each drive that was read.
     oldest_ms: Map<String, Value>,
 }
 

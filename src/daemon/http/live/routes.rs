@@ -1,6 +1,6 @@
 //! The routes of the live documents.
 
-use super::answers::{fresh, wrong};
+use super::answers::{error_answer, fresh};
 use super::{LiveDocuments, journal, trend, usage};
 use crate::daemon::http::lasting::StreamSlot;
 use crate::north::api::AdviceDocument;
@@ -47,13 +47,13 @@ async fn events(
     Extension(lasting): Extension<StreamSlot>,
 ) -> Response {
     let Some(stay) = lasting.stay() else {
-        return wrong(
+        return error_answer(
             StatusCode::SERVICE_UNAVAILABLE,
             "too many event streams are open; close other windows",
         );
     };
     let Some(listener) = live.lock().listen(&live, stay) else {
-        return wrong(
+        return error_answer(
             StatusCode::SERVICE_UNAVAILABLE,
             "other clients are reading large responses; retry in a few seconds",
         );

@@ -1,7 +1,7 @@
 //! The trend of a drive: the last hour from memory, longer spans from what is kept on the disk.
 
 use super::LiveDocuments;
-use super::answers::{fresh, wrong};
+use super::answers::{error_answer, fresh};
 use crate::daemon::host::clock;
 use crate::daemon::http::query::QueryKeys;
 use crate::daemon::trends;
@@ -39,7 +39,7 @@ struct KeptTrendQuery {
 pub async fn trend(State(live): State<Arc<LiveDocuments>>, RawQuery(query): RawQuery) -> Response {
     let query = match QueryKeys::read(query.as_deref(), &KEYS) {
         Ok(query) => query,
-        Err(what) => return wrong(StatusCode::BAD_REQUEST, what),
+        Err(what) => return error_answer(StatusCode::BAD_REQUEST, what),
     };
     let shared = live.state.shared.get();
     let names = || {
@@ -51,7 +51,7 @@ pub async fn trend(State(live): State<Arc<LiveDocuments>>, RawQuery(query): RawQ
             .join(", ")
     };
     let Some(name) = query.get("drive") else {
-        return wrong(
+        return error_answer(
             StatusCode::BAD_REQUEST,
             format!("`drive=NAME` is required; there are {}", names()),
         );
@@ -61,17 +61,17 @@ pub async fn trend(State(live): State<Arc<LiveDocuments>>, RawQuery(query): RawQ
         .iter()
         .all(|drive| drive.description.name.as_str() != name)
     {
-        return wrong(
+        return error_answer(
             StatusCode::NOT_FOUND,
             format!("there is no drive `{name}`; there are {}", names()),
         );
     }
-    match asked(&query, name) {
-        Err(what) => wrong(StatusCode::BAD_REQUEST, what),
+    match parse_query(&query, name) {
+        Err(what) => error_answer(StatusCode::BAD_REQUEST, what),
         Ok(Some(kept)) => read(&live, kept).await,
         Ok(None) => match live.lock().trend(name) {
             Some(document) => fresh(&document),
-            None => wrong(
+            None => error_answer(
                 StatusCode::SERVICE_UNAVAILABLE,
                 "the drive was just added; try again",
             ),
@@ -80,7 +80,7 @@ pub async fn trend(State(live): State<Arc<LiveDocuments>>, RawQuery(query): RawQ
 }
 
 /// What to read from the disk; `None` if the last hour from memory is wanted.
-fn asked(query: &QueryKeys, drive: &str) -> Result<Option<KeptTrendQuery>, String> {
+fn parse_query(query: &QueryKeys, drive: &str) -> Result<Option<KeptTrendQuery>, String> {
     let wanted: Names = query
         .get("values")
         .map(|names| names.split(',').map(str::to_owned).collect());
@@ -122,10 +122,10 @@ fn asked(query: &QueryKeys, drive: &str) -> Result<Option<KeptTrendQuery>, Strin
 async fn read(live: &LiveDocuments, kept: KeptTrendQuery) -> Response {
     let Some(trends) = &live.state.trends else {
         let what = "only the last hour is known: longer trends, other values and other formats need `data_dir` in [gateway]";
-        return wrong(StatusCode::NOT_FOUND, what);
+        return error_answer(StatusCode::NOT_FOUND, what);
     };
     let Ok(place) = Arc::clone(&live.readers).try_acquire_owned() else {
-        return wrong(
+        return error_answer(
             StatusCode::SERVICE_UNAVAILABLE,
             "other clients are reading trends or the journal; try again",
         );
@@ -146,11 +146,11 @@ async fn read(live: &LiveDocuments, kept: KeptTrendQuery) -> Response {
     });
     match read.await {
         Ok(Ok(response)) => response,
-        Ok(Err(error)) => wrong(
+        Ok(Err(error)) => error_answer(
             StatusCode::SERVICE_UNAVAILABLE,
             format!("the trends cannot be read: {error}"),
         ),
-        Err(error) => wrong(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()),
+        Err(error) => error_answer(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()),
     }
 }
 

@@ -1,9 +1,9 @@
 //! What a drive used on each day, for HTTP clients.
 
 use super::LiveDocuments;
-use super::answers::{LiveFormat, fresh, no_journal, too_many_readers, wrong};
+use super::answers::{LiveFormat, error_answer, fresh, no_journal, too_many_readers};
 use crate::daemon::http::query::QueryKeys;
-use crate::daemon::journal::days::{COLUMNS, DayRow, each};
+use crate::daemon::journal::days::{COLUMNS, DayRow, each_day};
 use crate::daemon::journal::reader::connect;
 use crate::north::api::DaysDocument;
 use axum::extract::{RawQuery, State};
@@ -15,9 +15,9 @@ use std::sync::Arc;
 
 /// The days of one drive, oldest first. There are so few that they fit into one piece.
 pub async fn days(State(live): State<Arc<LiveDocuments>>, RawQuery(query): RawQuery) -> Response {
-    let (drive, format) = match asked(query.as_deref()) {
+    let (drive, format) = match parse_query(query.as_deref()) {
         Ok(asked) => asked,
-        Err(what) => return wrong(StatusCode::BAD_REQUEST, what),
+        Err(what) => return error_answer(StatusCode::BAD_REQUEST, what),
     };
     let Some(journal) = &live.state.journal else {
         return no_journal();
@@ -40,25 +40,28 @@ pub async fn days(State(live): State<Arc<LiveDocuments>>, RawQuery(query): RawQu
             let days = rows.iter().map(DayRow::document).collect();
             fresh(&DaysDocument { days })
         }
-        Ok(Err(error)) => wrong(
+        Ok(Err(error)) => error_answer(
             StatusCode::SERVICE_UNAVAILABLE,
             format!("the journal cannot be read: {error}"),
         ),
-        Err(error) => wrong(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()),
+        Err(error) => error_answer(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()),
     }
 }
 
 /// The drive, and the form of the answer.
-fn asked(query: Option<&str>) -> Result<(String, LiveFormat), String> {
+fn parse_query(query: Option<&str>) -> Result<(String, LiveFormat), String> {
     let query = QueryKeys::read(query, &["drive", "format"])?;
     let drive = query
         .get("drive")
         .ok_or_else(|| "`drive=NAME` is missing".to_owned())?;
-    Ok((drive.to_owned(), LiveFormat::named(query.get("format"))?))
+    Ok((
+        drive.to_owned(),
+        LiveFormat::from_word(query.get("format"))?,
+    ))
 }
 
 fn rows(path: &Path, drive: &str) -> Result<Vec<DayRow>, Error> {
     let mut rows = Vec::new();
-    each(&connect(path)?, Some(drive), |row| rows.push(row))?;
+    each_day(&connect(path)?, Some(drive), |row| rows.push(row))?;
     Ok(rows)
 }

@@ -18,14 +18,14 @@ const NAME_CHARS_MAX: usize = 64;
 /// An order of a trial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum TrialOrder {
-    /// It writes to the drive.
+    /// The order writes to the drive.
     Sent(OrderKind),
     /// The motor is still watched.
     Renew,
 }
 
 impl TrialOrder {
-    fn named(word: &str) -> Option<Self> {
+    fn from_word(word: &str) -> Option<Self> {
         let sent = || {
             OrderKind::ALL
                 .into_iter()
@@ -86,7 +86,7 @@ impl TrialOrder {
 /// The order that `body` names, and the epoch of the drive as it was last shown.
 pub(super) fn trial(body: &[u8]) -> Option<(TrialOrder, Option<u64>)> {
     let TrialBody { order, epoch } = read_exactly(body)?;
-    let order = TrialOrder::named(&order)?;
+    let order = TrialOrder::from_word(&order)?;
     // A start without one could be older than the last stop.
     (epoch.is_some() || !order.runs()).then_some((order, epoch))
 }

@@ -69,7 +69,7 @@ pub(super) struct BrokerConnection {
     heard: MonoTime,
     /// Answers that wait for the socket.
     pub replies: Vec<u8>,
-    /// It is closed once those are sent.
+    /// The connection is closed once those are sent.
     pub is_ending: bool,
 }
 

@@ -49,7 +49,7 @@ pub enum BrokerError {
     /// The address cannot be taken.
     #[error("cannot listen on {address}: {error}")]
     Listen {
-        /// As requested.
+        /// The requested address.
         address: SocketAddr,
         /// The system's reason.
         error: io::Error,

@@ -151,12 +151,12 @@ pub struct ConnectPacket {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SessionExpiry {
     After(Duration),
-    /// It lasts as long as there is room.
+    /// The session lasts as long as there is room.
     Never,
 }
 
 impl SessionExpiry {
-    /// It ends with its connection.
+    /// The session ends with its connection.
     pub const AT_ONCE: Self = Self::After(Duration::ZERO);
 
     /// From the session expiry interval of MQTT 5.

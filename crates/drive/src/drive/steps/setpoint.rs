@@ -61,7 +61,7 @@ pub(super) fn setpoint(
     )])
 }
 
-/// That `setting` shows `frequency`; `None` if it does not hold it exactly.
+/// The effect that `setting` shows `frequency`; `None` if it does not hold it exactly.
 fn shows(setting: &Register, frequency: Hertz) -> Option<RegisterCondition> {
     if let Some([first, second]) = setting.pair_of(frequency) {
         let condition = RegisterCondition::holds(setting.address, vec![first], SHOWN_WITHIN);

@@ -273,6 +273,6 @@ impl EnergyCounter {
 enum CounterRise {
     /// This much was used, in millijoules.
     Used(u64),
-    /// It was reset, wrapped, or is that of another drive: counting goes on from where it is.
+    /// The counter was reset, wrapped, or is that of another drive: counting goes on from where it is.
     NotBelieved,
 }

@@ -5,7 +5,7 @@
 pub enum StandbyChange {
     /// The line was silent for long enough: this gateway is active from now on.
     TakenOver,
-    /// It was handed over: this gateway is active from now on.
+    /// The line was handed over: this gateway is active from now on.
     HandedOver,
     /// This gateway has not sent for too long.
     Stalled,
@@ -13,8 +13,8 @@ pub enum StandbyChange {
     Rival,
     /// What came instead of its first replies shows that another one sends as well.
     Collided,
-    /// It was partner asked to take the line.
+    /// The partner was asked to take the line.
     Yielded,
-    /// It hears no drive.
+    /// This gateway hears no drive.
     Deaf,
 }

@@ -18,7 +18,7 @@ pub(super) struct SenderEars {
     misses: u8,
     /// How often it fell silent since a drive last answered.
     silences: u8,
-    /// It has heard a sound frame since it last fell silent: its receiver works, and the drives are off.
+    /// The gateway has heard a valid frame since it last fell silent: its receiver works, and the drives are off.
     is_proven: bool,
 }
 
@@ -64,7 +64,7 @@ impl SenderEars {
             .then(|| self.sound_at + DEAF_AFTER)
     }
 
-    /// It falls silent. Returns how long at least, with a silence for a take-over of `take_over_after`.
+    /// The gateway falls silent. Returns how long at least, with a silence for a take-over of `take_over_after`.
     pub fn fall_silent(&mut self, take_over_after: Duration) -> Duration {
         let wait = take_over_after * DEAF_WAITS * (1 << self.silences.min(DOUBLINGS));
         (self.silences, self.is_proven) = (self.silences.saturating_add(1), false);

@@ -43,17 +43,17 @@ impl StandbyKnowledge {
         }
     }
 
-    /// It begins to listen at `now`: what it receives first may have waited.
+    /// The gateway begins to listen at `now`: what it receives first may have waited.
     pub(super) fn begins(&mut self, now: MonoTime) {
         self.attentive_from = now + LOOK_MAX;
     }
 
-    /// It has heard all up to `now`, if there was anything to hear.
+    /// The gateway has heard all up to `now`, if there was anything to hear.
     pub(super) const fn is_complete(&mut self, now: MonoTime) {
         (self.attentive_from, self.informed_from) = (now, now);
     }
 
-    /// It may have missed what was sent up to `now`. The line was last in use at `used_at`, and another gateway takes it only
+    /// The gateway may have missed what was sent up to `now`. The line was last in use at `used_at`, and another gateway takes it only
     /// after more silence than `silent_at_most`.
     pub(super) fn missed(
         &mut self,

@@ -32,7 +32,7 @@ pub struct CommitWord {
     pub effect: CommitEffect,
     /// The word.
     pub value: u16,
-    /// It is never sent while the motor may turn.
+    /// The word is never sent while the motor may turn.
     pub at_standstill: bool,
 }
 

@@ -84,11 +84,11 @@ pub enum ReadBoundary {
 /// What a drive does about a read of an address without a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ReadHoles {
-    /// It answers with an exception.
+    /// The drive answers with an exception.
     Refused,
-    /// It shows 0.
+    /// The drive shows 0.
     Zero,
-    /// It shows something.
+    /// The drive shows something.
     Read,
 }
 

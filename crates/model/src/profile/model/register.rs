@@ -91,9 +91,9 @@ impl RegisterRole {
 /// A property of a register that its source may leave unstated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum FactPart {
-    /// That the register is readable.
+    /// The fact that the register is readable.
     Reading,
-    /// That the register is writable.
+    /// The fact that the register is writable.
     Writing,
     /// Its scale.
     Scale,

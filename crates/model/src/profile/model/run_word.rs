@@ -95,15 +95,15 @@ impl BitMeaning {
 /// What a drive does with a run command of all zeros.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ZeroWord {
-    /// It ramps down and stops.
+    /// The drive ramps down and stops.
     Stop,
-    /// It coasts.
+    /// The drive coasts.
     Coast,
-    /// It takes the word, and goes on as it was ordered before.
+    /// The drive takes the word, and goes on as it was ordered before.
     Nothing,
-    /// It does not take the word.
+    /// The drive does not take the word.
     Ignored,
-    /// It obeys panel and terminals from then on.
+    /// The drive obeys panel and terminals from then on.
     Release,
 }
 
@@ -157,21 +157,21 @@ impl BitSense {
 /// What a drive does with a word of bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WordEffect {
-    /// It does not take the word.
+    /// The drive does not take the word.
     Ignored,
     /// The word does not claim the bus: whom the drive obeys is up to its settings.
     Release,
-    /// It trips.
+    /// The drive trips.
     Trip,
-    /// It cuts its output off.
+    /// The drive cuts its output off.
     Coast,
-    /// It stops the motor.
+    /// The drive stops the motor.
     Stop,
-    /// It runs; `None`: the word does not say in which direction.
+    /// The drive runs; `None`: the word does not say in which direction.
     Run(Option<Direction>),
     /// A motor that runs changes its direction, or may do so.
     Turns,
-    /// It goes on as it was ordered before.
+    /// The drive goes on as it was ordered before.
     Nothing,
 }
 

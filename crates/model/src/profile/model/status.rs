@@ -181,11 +181,11 @@ pub struct MaskedText {
 /// What the drive means by an exception.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ExceptionKind {
-    /// It cannot do it at the moment.
+    /// The drive cannot do it at the moment.
     Busy,
-    /// It is locked against it.
+    /// The drive is locked against it.
     Locked,
-    /// It does not do it while a trip holds.
+    /// The drive does not do it while a trip holds.
     InTrip,
     /// The request reached it damaged.
     DamagedFrame,

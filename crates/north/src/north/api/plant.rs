@@ -49,7 +49,7 @@ pub struct StandbyDocument {
     pub hears_other: bool,
     /// Whether another gateway would take over; `None` while that is not known.
     pub listener: Option<bool>,
-    /// It hears no sound frame although it should.
+    /// The gateway hears no valid frame although it should.
     pub deaf: bool,
     /// The other gateway has other drives, limits or declared actions there.
     pub files_differ: bool,

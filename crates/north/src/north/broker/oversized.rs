@@ -73,7 +73,7 @@ impl OversizedTopics {
         &self.all
     }
 
-    /// One that was not returned yet. However often a topic is left out, it is returned once on each connection.
+    /// A topic that was not returned yet. However often a topic is left out, it is returned once on each connection.
     pub(in crate::north) fn next_unreported(&mut self) -> Option<OversizedPublication> {
         let new = self
             .all

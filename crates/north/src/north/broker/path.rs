@@ -53,7 +53,7 @@ enum PathPhase {
 pub(in crate::north) enum ReturnedProbe {
     /// The path is open.
     Ours,
-    /// It is a probe of another connection or another gateway.
+    /// The message is a probe of another connection or another gateway.
     Foreign,
 }
 

@@ -46,11 +46,11 @@ pub enum BrokerEvent<'a> {
 /// Why a broker refused a publication.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum PublicationRefusal {
-    /// It accepts no more for now, whatever it is.
+    /// The broker accepts no more for now, whatever it is.
     Full,
-    /// It failed to take this one.
+    /// The broker failed to take this one.
     Failed,
-    /// It will not accept this one: it is not allowed, or its topic or payload is wrong for that broker.
+    /// The broker will not accept this one: it is not allowed, or its topic or payload is wrong for that broker.
     Never,
 }
 

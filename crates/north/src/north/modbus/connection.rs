@@ -73,7 +73,7 @@ struct PendingCall {
     transaction: u16,
     unit: u8,
     form: ResponseForm,
-    /// It is a stop that arrived while all places were taken.
+    /// The call is a stop that arrived while all places were taken.
     is_extra: bool,
 }
 

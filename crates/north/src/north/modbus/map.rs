@@ -38,7 +38,7 @@ pub enum MapAccess {
 /// What a row is repeated for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum RowRepeat {
-    /// It occurs once.
+    /// The row occurs once.
     Once,
     /// For each line, at this address offset.
     Line(u16),

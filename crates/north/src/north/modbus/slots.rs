@@ -10,14 +10,14 @@ pub struct RoomId(u64);
 /// The slot of one connection; it is returned by [`ClientSlots::leave`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClientSlot {
-    /// One that may have to give way.
+    /// A connection that may have to give way.
     Ordinary {
         /// The room it belongs to.
         room: RoomId,
         /// Its rank among the others: the lowest has been silent for longest.
         turn: u64,
     },
-    /// One that never gives way.
+    /// A connection that never gives way.
     Priority,
 }
 
@@ -30,16 +30,16 @@ pub struct NewConnection {
     pub room: RoomId,
     /// Most ordinary connections there; `None`: as many as there are slots.
     pub room_max: Option<usize>,
-    /// It never gives way.
+    /// The connection never gives way.
     pub has_priority: bool,
 }
 
 /// What happens to a new connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NewcomerEntry {
-    /// It has a slot.
+    /// The newcomer has a slot.
     Free(ClientSlot),
-    /// It has the slot of this connection, which is to be closed.
+    /// The newcomer has the slot of this connection, which is to be closed.
     InsteadOf(ClientSlot, AskerId),
     /// All slots are taken, and no connection may be closed.
     Full,

@@ -34,7 +34,7 @@ pub enum RequestAction {
     },
     /// Answer with this identity.
     Identity(Vec<u8>),
-    /// It orders nothing: answer that it is done.
+    /// The request orders nothing: answer that it is done.
     Nothing,
     /// Give this order to the drive, and answer when it is answered.
     Order(Order),

@@ -22,13 +22,13 @@ pub struct SealedMoments(SecretSeal);
 /// Why an order may be too old. Only a stop is carried out then.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OrderAge {
-    /// It names no moment.
+    /// The order names no moment.
     Unnamed,
-    /// It names a moment that this process has not handed out.
+    /// The order names a moment that this process has not handed out.
     Unknown,
     /// The moment that it names is so old.
     Since(Duration),
-    /// It did not arrive in one piece: its body ended this long after its head.
+    /// The order did not arrive in one piece: its body ended this long after its head.
     Torn(Duration),
 }
 

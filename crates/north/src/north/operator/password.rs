@@ -31,7 +31,7 @@ pub enum UnfitHash {
     /// The text is not in the PHC format. It may be a password in clear text.
     #[error("is no hash in the PHC format")]
     NoHash,
-    /// It was made in another way.
+    /// The hash was made in another way.
     #[error("is made by {0}, not by argon2id in its version 19")]
     OtherAlgorithm(String),
     /// Part of it is missing or too short.
@@ -39,7 +39,7 @@ pub enum UnfitHash {
         "has no salt of at least {SALT_BYTES_MIN} bytes, or no hash of at least {OUTPUT_BYTES_MIN}"
     )]
     Short,
-    /// It is guessed too fast, or checked too slowly.
+    /// A parameter makes guessing too fast, or checking too slow.
     #[error("{what} = {value} is out of range ({} to {})", range.start(), range.end())]
     Parameter {
         /// The parameter, as the text calls it.

@@ -67,7 +67,7 @@ enum DamagePattern {
 
 pub(super) fn first_characters(seen: &LineObserved, drive: &DriveObserved) -> FindingText {
     let DamageCounts { head, damaged, .. } = drive.damage;
-    said(seen, drive, DamagePattern::FirstCharacters, || {
+    say_damage(seen, drive, DamagePattern::FirstCharacters, || {
         Sentence::new("finding.first_characters")
             .with("replies", head)
             .with("damaged", damaged)
@@ -78,7 +78,7 @@ pub(super) fn cut(seen: &LineObserved, drive: &DriveObserved) -> FindingText {
     let DamageCounts { cut, damaged, .. } = drive.damage;
     // A contact that is loose lets some replies through.
     let is_always = cut == damaged && drive.exchanges.replies + drive.exchanges.exceptions == 0;
-    said(seen, drive, DamagePattern::Cut, || {
+    say_damage(seen, drive, DamagePattern::Cut, || {
         let text = Sentence::new(if is_always {
             "finding.cut_always"
         } else {
@@ -94,7 +94,7 @@ pub(super) fn long_frames(seen: &LineObserved, drive: &DriveObserved) -> Finding
         long_damaged,
         ..
     } = drive.damage;
-    said(seen, drive, DamagePattern::LongFrames, || {
+    say_damage(seen, drive, DamagePattern::LongFrames, || {
         Sentence::new("finding.long_frames")
             .with("replies", long_damaged)
             .with("damaged", damaged)
@@ -104,7 +104,7 @@ pub(super) fn long_frames(seen: &LineObserved, drive: &DriveObserved) -> Finding
 pub(super) fn one_station(seen: &LineObserved, drive: &DriveObserved) -> FindingText {
     let damaged = drive.damage.damaged;
     let all = drive.exchanges.total();
-    said(seen, drive, DamagePattern::OneStation, || {
+    say_damage(seen, drive, DamagePattern::OneStation, || {
         let alone = Sentence::new("finding.one_station")
             .with("damaged", damaged)
             .with("replies", all);
@@ -115,14 +115,14 @@ pub(super) fn one_station(seen: &LineObserved, drive: &DriveObserved) -> Finding
 pub(super) fn damaged(seen: &LineObserved, drive: &DriveObserved) -> FindingText {
     let damaged = drive.damage.damaged;
     let all = drive.exchanges.total();
-    said(seen, drive, DamagePattern::Spread, || {
+    say_damage(seen, drive, DamagePattern::Spread, || {
         Sentence::new("finding.damaged")
             .with("damaged", damaged)
             .with("replies", all)
     })
 }
 
-fn said(
+fn say_damage(
     seen: &LineObserved,
     drive: &DriveObserved,
     pattern: DamagePattern,

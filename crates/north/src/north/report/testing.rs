@@ -81,7 +81,7 @@ fn with(change: impl FnOnce(&mut LineObserved)) -> LineObserved {
     observed
 }
 
-/// Of drive a.
+/// A line observed with `change` made at drive a.
 fn of_a(change: impl FnOnce(&mut DriveObserved)) -> LineObserved {
     with(|observed| change(&mut observed.drives[0]))
 }

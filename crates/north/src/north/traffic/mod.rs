@@ -98,27 +98,27 @@ impl TrafficDecoder {
             TrafficKind::Request => {
                 let is_for_all = drive.is_none() && self.is_for_all(station);
                 let drive = if is_for_all { self.any_drive() } else { drive };
-                let said = request::said(drive, pdu);
+                let said = request::request_text(drive, pdu);
                 FrameText {
                     text: format!("{}{}", prefix(is_for_all, record.why), said.text),
                     ..said
                 }
             }
             TrafficKind::OtherMaster(_) => {
-                let said = request::said(drive, pdu);
+                let said = request::request_text(drive, pdu);
                 FrameText {
                     text: format!("another master requests: {}", said.text),
                     ..said
                 }
             }
             TrafficKind::Echo => FrameText::text("our own frame came back"),
-            TrafficKind::Reply => reply::said(
+            TrafficKind::Reply => reply::reply_text(
                 drive,
                 pdu,
                 self.asked.as_ref().filter(|asked| asked.station == station),
             ),
             TrafficKind::Stray(_) | TrafficKind::Foreign(_) | TrafficKind::Noise => {
-                reply::said(drive, pdu, None)
+                reply::reply_text(drive, pdu, None)
             }
         }
     }

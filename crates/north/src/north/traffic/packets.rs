@@ -62,7 +62,7 @@ impl PacketFrame {
         })
     }
 
-    /// As a packet, with `dropped` packets lost before it.
+    /// The frame as a packet, with `dropped` packets lost before it.
     #[must_use]
     pub fn packet(&self, dropped: u64) -> CapturePacket<'_> {
         let Self {

@@ -11,7 +11,7 @@ use crate::wire::framing;
 use crate::wire::pdu::{self, FUNCTION_ERROR, Reply, Request, function};
 
 /// The content of `pdu` of `drive`, as far as known in answer to what was `asked`.
-pub(super) fn said(
+pub(super) fn reply_text(
     drive: Option<&KnownDrive>,
     pdu: &[u8],
     asked: Option<&OpenRequest>,

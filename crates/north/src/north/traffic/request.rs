@@ -7,7 +7,7 @@ use crate::profile::model::Barrier;
 use crate::wire::pdu::{Request, function};
 
 /// What `pdu` requests of `drive`.
-pub(super) fn said(drive: Option<&KnownDrive>, pdu: &[u8]) -> FrameText {
+pub(super) fn request_text(drive: Option<&KnownDrive>, pdu: &[u8]) -> FrameText {
     match Request::decode(pdu) {
         Some(Request::Read { address, count }) => {
             FrameText::text(read("read", drive, address, count))

@@ -9,7 +9,7 @@ use crate::profile::model::{
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct SimRunOrder {
     pub(super) motion: MotorMotion,
-    /// It runs at the jog frequency.
+    /// The motor runs at the jog frequency.
     pub(super) jog: bool,
     pub(super) coast: bool,
     pub(super) trip: bool,
@@ -34,7 +34,7 @@ pub(super) enum MotorMotion {
     Stop,
     /// 1 forward, -1 reverse.
     Run(i64),
-    /// As before; in this direction if it runs and the word says one.
+    /// The motion as before; in this direction if it runs and the word says one.
     Keep(Option<i64>),
     /// The other way round.
     Toggle,

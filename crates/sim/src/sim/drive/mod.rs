@@ -82,7 +82,7 @@ pub struct SimDrive {
     powered: bool,
     /// The next requests are answered with this exception and not executed.
     objects: Option<(ExceptionKind, u32)>,
-    /// It ignores requests before this moment.
+    /// The drive ignores requests before this moment.
     deaf_until: MonoTime,
     untrue: UntrueReads,
     report: DriveReport,

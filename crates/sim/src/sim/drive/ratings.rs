@@ -72,7 +72,7 @@ impl SimRatings {
     }
 }
 
-/// Of three phases at a power factor of about 0.87, in millionths of a kilowatt.
+/// The power of three phases at a power factor of about 0.87, in millionths of a kilowatt.
 const fn power(current: i64, voltage: i64) -> i64 {
     current / 1_000 * (voltage / 1_000) / 1_000 * 15 / 10
 }

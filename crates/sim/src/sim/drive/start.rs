@@ -13,7 +13,7 @@ pub(super) struct StartReadiness {
     since: MonoTime,
     /// The drive follows none of them, as with an open enable terminal.
     is_held_back: bool,
-    /// It shows `running` as long as it is ordered to run, and not while the motor still ramps down.
+    /// The drive shows `running` as long as it is ordered to run, and not while the motor still ramps down.
     shows_orders: bool,
 }
 

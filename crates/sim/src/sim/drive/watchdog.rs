@@ -9,7 +9,7 @@ use crate::profile::model::Model;
 pub(super) struct SimWatchdog {
     /// When the drive last received a request that it could serve.
     last_heard: MonoTime,
-    /// It has acted since `last_heard`.
+    /// The watchdog has acted since `last_heard`.
     has_expired: bool,
 }
 
@@ -37,7 +37,7 @@ impl SimWatchdog {
         self.has_expired = false;
     }
 
-    /// It acts.
+    /// The watchdog acts.
     pub(super) const fn expire(&mut self) {
         self.has_expired = true;
     }

@@ -43,7 +43,7 @@ pub struct Args {
     live: LiveArgs,
 }
 
-/// As model files require it.
+/// Checks `text` as the identifier of a model file.
 fn identifier(text: &str) -> Result<String, String> {
     let is_part = |part: &str| {
         !part.is_empty()
@@ -90,7 +90,7 @@ pub fn new(args: &Args, own: &ModelDirs) -> Result<(), CommandFailure> {
     }
     let facts = match &args.template {
         Some(file) => template::facts(&args.id, file, &input::read(file)?)?,
-        None => asked(args, &out)?,
+        None => ask_facts(args, &out)?,
     };
     let text = facts.text();
     written(&out, &text)?;
@@ -108,7 +108,7 @@ fn written(out: &Path, text: &str) -> Result<(), CommandFailure> {
 }
 
 /// Asks everything, shows what the file will say, and returns it if the person agrees.
-fn asked(args: &Args, out: &Path) -> Result<facts::ModelFacts, CommandFailure> {
+fn ask_facts(args: &Args, out: &Path) -> Result<facts::ModelFacts, CommandFailure> {
     let mut live = LiveDrive::open(&args.live)?;
     let date = calendar::day(clock::wall());
     let questions = PersonQuestions::new(io::stdin().lock());

@@ -6,7 +6,7 @@ use super::HttpControl;
 use super::admission::{AdmittedRequest, Refused, admit_with, refused, signed_in};
 use super::commands::find;
 use crate::daemon::commissioning::file::NotDone;
-use crate::daemon::commissioning::wanted::{WantedAddition, wanted};
+use crate::daemon::commissioning::wanted::{WantedAddition, parse_addition};
 use crate::daemon::commissioning::{self, Commissioning, Settings};
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::host::adapters;
@@ -205,7 +205,7 @@ async fn values(State(control): State<Arc<HttpControl>>, request: Request) -> Re
 async fn propose(State(control): State<Arc<HttpControl>>, request: Request) -> Response {
     let answer = async {
         let (commissioning, _, body) = admitted(&control, request).await?;
-        let (wanted, _) = wanted(&body)?;
+        let (wanted, _) = parse_addition(&body)?;
         Ok(json(&proposal_json(&commissioning.proposal(&wanted).await?)).into_response())
     };
     answered(answer.await)
@@ -214,7 +214,7 @@ async fn propose(State(control): State<Arc<HttpControl>>, request: Request) -> R
 async fn apply(State(control): State<Arc<HttpControl>>, request: Request) -> Response {
     let answer = async {
         let (commissioning, who, body) = admitted(&control, request).await?;
-        let (wanted, digest) = wanted(&body)?;
+        let (wanted, digest) = parse_addition(&body)?;
         let digest = digest
             .ok_or_else(|| refused(StatusCode::BAD_REQUEST, "`digest` is missing: check first"))?;
         // A client that disconnects does not leave the file half way.

@@ -31,7 +31,7 @@ pub enum SheetTable {
 }
 
 impl SheetTable {
-    /// As a table shows it.
+    /// The word that a sheet shows.
     #[must_use]
     pub const fn keyword(self) -> &'static str {
         match self {
@@ -97,7 +97,7 @@ pub enum SheetFormat {
 }
 
 impl SheetFormat {
-    /// As a table shows it.
+    /// The word that a sheet shows.
     #[must_use]
     pub const fn keyword(self) -> &'static str {
         match self {
@@ -132,9 +132,9 @@ pub struct SheetRow {
     pub unit: &'static str,
     /// How it is read.
     pub format: SheetFormat,
-    /// It can be read.
+    /// The row can be read.
     pub is_read: bool,
-    /// It can be written by some client.
+    /// The row can be written by some client.
     pub is_written: bool,
     /// What its values mean.
     pub meaning: String,
@@ -212,7 +212,7 @@ fn of_map(row: &MapRow, address: u16) -> SheetRow {
     }
 }
 
-/// That `absent` in each of `count` words means `why`.
+/// The text that `absent` in each of `count` words means `why`.
 fn absent_text(count: u16, absent: u16, why: &str) -> String {
     match count {
         1 if absent == ABSENT => format!("{absent}: {why}"),

@@ -106,12 +106,12 @@ impl FreshValue {
         twice.saturating_add(half) / (2 * self.scale)
     }
 
-    /// As an unsigned word of `1 / steps`; absent if it does not fit.
+    /// The value as an unsigned word of `1 / steps`; absent if it does not fit.
     pub(super) fn unsigned(self, steps: i64) -> u16 {
         unsigned(self.in_steps(steps))
     }
 
-    /// As a signed word of `1 / steps`; absent if it does not fit.
+    /// The value as a signed word of `1 / steps`; absent if it does not fit.
     pub(super) fn signed(self, steps: i64) -> u16 {
         let word = i16::try_from(self.in_steps(steps))
             .ok()

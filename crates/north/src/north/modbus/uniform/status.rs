@@ -17,14 +17,14 @@ pub mod bit {
     pub const ONLINE: u16 = 1;
     /// The output is known to be active.
     pub const RUNNING: u16 = 1 << 1;
-    /// It runs in reverse.
+    /// The drive runs in reverse.
     pub const REVERSE: u16 = 1 << 2;
     /// A trip is active.
     pub const TRIPPED: u16 = 1 << 3;
-    /// It runs, and the output frequency, which is fresh, is within 0.1 Hz of the ordered setpoint; without an order to run, of
+    /// The drive runs, and the output frequency, which is fresh, is within 0.1 Hz of the ordered setpoint; without an order to run, of
     /// the drive's own setting.
     pub const AT_SETPOINT: u16 = 1 << 4;
-    /// It is online, has a control section, is not known to obey another source, and this gateway may send.
+    /// The drive is online, has a control section, is not known to obey another source, and this gateway may send.
     pub const ACCEPTS: u16 = 1 << 5;
     /// A command is under way, or a stop is not effective yet.
     pub const PENDING: u16 = 1 << 6;

@@ -47,17 +47,17 @@ enum WordSteps {
 #[derive(Clone, Copy)]
 enum Capability {
     Always,
-    /// As far as the drive has the measurement.
+    /// The drive has the measurement.
     Measurement,
-    /// It reports that it is tripped.
+    /// The drive reports that it is tripped.
     Tripped,
     /// Its trips are read.
     Trips,
     /// Something of it is polled.
     Polled,
-    /// It has a control section.
+    /// The drive has a control section.
     Control,
-    /// It has the sum.
+    /// The drive has the sum.
     Usage,
 }
 
@@ -161,7 +161,7 @@ impl WordRow {
         }
     }
 
-    /// It reads absent where the drive does not have it.
+    /// The word reads absent where the drive does not have it.
     const fn where_it_has(self, has: Capability) -> Self {
         Self {
             row: self.row.or_absent(),

@@ -74,7 +74,7 @@ impl UniformUnit {
         }
     }
 
-    /// It stays at 65534 rather than reading as absent or wrapping.
+    /// The count stays at 65534 rather than reading as absent or wrapping.
     pub(super) fn trips_kept(&self, look: &WordContext<'_>) -> u16 {
         if self.sources.has_trips {
             look.view.trip_kept.total.min(u32::from(ABSENT - 1)) as u16
