@@ -43,11 +43,11 @@ done
 
 cd "$(dirname "$0")"
 acl=mosquitto/acl
-# Each container reads its own files, and nobody else on the host any.
+# Each container reads its own files, and no other user of the host can read them.
 umask 077
 mkdir -p secrets/passwords
 
-# Makes $2 from what comes in, for the user with number $1 and nobody else, who may look into the directory too: where that
+# Makes $2 from what comes in, for the user with number $1 alone, who may look into the directory too: where that
 # is mounted, a file that takes the place of another is seen.
 keep() {
     local file=secrets/$2 directory

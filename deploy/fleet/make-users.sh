@@ -18,9 +18,9 @@ Writes into DIRECTORY:
 PREFIX is the `prefix` of the gateways' [mqtt]. A READER (default: historian) may subscribe everything and publish nothing. A
 COMMANDER may subscribe everything, and publish below by/NAME of each gateway and to all/run/set; up to 32 characters. With
 --sparkplug the gateways are edge nodes of GROUP, and HOST is the user and the id of their host; mosquitto only.
-Who has a password in an existing `credentials` keeps it; whoever is no longer named is left out.
+A user with a password in an existing `credentials` keeps it; a user that is no longer named is left out.
 
-The brokers read the files as users of their own, and nobody else is to:
+The brokers read the files as users of their own. No other user may read them:
   install -o mosquitto -g mosquitto -m 400 gateways.passwd others.passwd mosquitto.acl /etc/mosquitto/
   install -o nats -g nats -m 400 nats-users.conf /etc/nats/
 TEXT
@@ -65,7 +65,7 @@ readers=("$@")
 [[ $prefix =~ ^[A-Za-z0-9_-]{1,64}(/[A-Za-z0-9_-]{1,64})*$ ]] || fail "\`$prefix\` is no prefix of topics"
 subjects=${prefix//\//.}
 mapfile -t gateways
-((${#gateways[@]} > 0)) || fail "nobody is named on standard input"
+((${#gateways[@]} > 0)) || fail "standard input names no gateway"
 others=("${readers[@]}" "${commanders[@]}" "${hosts[@]}")
 all=("${gateways[@]}" "${others[@]}")
 for name in "${all[@]}"; do checked "$name"; done
@@ -101,8 +101,8 @@ if command -v mosquitto_passwd >/dev/null; then
     done
 fi
 
-# `PREFIX/+/` are gateways, `PREFIX/+/+/` those behind the bridge of a site. No rule is a pattern: one would hold for whoever
-# signs in, and a reader could play a gateway of the reader's name.
+# `PREFIX/+/` are gateways, `PREFIX/+/+/` those behind the bridge of a site. No rule is a pattern: one would hold for
+# every user, and a reader could play a gateway of the reader's name.
 mosquitto_gateway() {
     local user=$1 kind
     printf '\nuser %s\ntopic readwrite %s/%s/#\n' "$user" "$prefix" "$user"
