@@ -84,7 +84,7 @@ fn the_model_of_the_tutorial_is_sound() {
     let written = Written::new();
     let said = ask(&["models", "check", written.model.to_str().unwrap()], 0);
     for word in [
-        "acme-flux-2 is sound: 8 registers",
+        "acme-flux-2 is valid: 8 registers",
         "reset (unproven)",
         "inferred: reset, run command bit 7",
     ] {
@@ -131,7 +131,7 @@ fn a_model_that_is_like_another_is_checked_and_printed_whole() {
         0,
     );
     assert!(
-        said.contains("acme-flux-3 is sound: 7 registers")
+        said.contains("acme-flux-3 is valid: 7 registers")
             && said.contains("stop: sibling, one source"),
         "{said}"
     );
@@ -148,7 +148,7 @@ fn a_model_that_is_like_another_is_checked_and_printed_whole() {
     );
     let alone = written.place.write("alone.toml", &printed);
     let said = ask(&["models", "check", alone.to_str().unwrap()], 0);
-    assert!(said.contains("acme-flux-3 is sound: 7 registers"), "{said}");
+    assert!(said.contains("acme-flux-3 is valid: 7 registers"), "{said}");
 }
 
 /// The model of a meter in `docs/drives.md`.

@@ -245,11 +245,7 @@ fn two_replies_to_one_request_are_a_number_given_twice() {
 
 #[test]
 fn requests_without_an_answer_are_silence() {
-    assert_finds(
-        &Patient::with("lost=150", ""),
-        "silent",
-        "had no answer at all",
-    );
+    assert_finds(&Patient::with("lost=150", ""), "silent", "got no answer");
 }
 
 #[test]
@@ -295,7 +291,7 @@ fn first_characters_that_are_missing_are_the_direction_of_the_adapter() {
     assert_finds(
         &Patient::over_tcp(answer),
         "first_characters",
-        "turns its direction",
+        "switches direction",
     );
 }
 

@@ -219,7 +219,7 @@ fn answers_that_are_wrong_or_missing_write_nothing() {
     for (args, word) in wrong {
         assert_says(&init(&out, &args, &[]), 2, &[word]);
     }
-    // They do not go together: the client may be silent for less than it takes to notice.
+    // They contradict each other: the client may be silent for less than it takes to notice.
     let control = [
         "--command-from",
         "page",
@@ -250,7 +250,7 @@ fn answers_that_are_wrong_or_missing_write_nothing() {
     assert_says(
         &init(&out, &args, &[PASSWORD]),
         2,
-        &["do not go together", "lost_after"],
+        &["contradict each other", "lost_after"],
     );
     assert_eq!(std::fs::read_dir(out.parent().unwrap()).unwrap().count(), 0);
 }

@@ -379,7 +379,7 @@ fn a_server_that_speaks_something_else_is_named() {
         let fields = fields(line)?;
         fields["fault"]
             .as_str()
-            .filter(|fault| fault.contains("no Modbus TCP message"))
+            .filter(|fault| fault.contains("not a Modbus TCP message"))
             .map(|_| ())
     };
     gateway.program.wait_for("what is wrong", named);

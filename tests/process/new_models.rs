@@ -68,7 +68,7 @@ fn answers_make_a_model_that_runs_a_simulated_drive() {
     let out = file.to_str().unwrap();
     let said = text(&answered(&["acme-flux-2", "--out", out], &ANSWERS));
     for word in [
-        "is sound: 5 registers",
+        "is valid: 5 registers",
         "run forward at 10 Hz, and stopped",
         "acme-flux-2.toml is written",
         "that is bit 0",
@@ -116,7 +116,7 @@ fn a_word_without_a_place_of_its_own_is_unproven_and_is_shown_so_before_the_file
         );
     }
     assert!(
-        said.contains("takes orders only with accept_unverified"),
+        said.contains("take orders only with accept_unverified"),
         "{said}"
     );
     let written = std::fs::read_to_string(&file).unwrap();
@@ -303,8 +303,8 @@ fn a_file_that_begins_from_another_model_says_what_is_unproven() {
         &[],
     ));
     for word in [
-        "is sound",
-        "takes orders only with accept_unverified",
+        "is valid",
+        "take orders only with accept_unverified",
         "stop: sibling",
     ] {
         assert!(said.contains(word), "no {word}:\n{said}");

@@ -230,7 +230,11 @@ fn a_drive_is_qualified_and_that_counts_until_something_changes() {
         Err(1),
         "nobody else may use what is unproven"
     );
-    assert_says(&vfd_gateway(&site.args(&[])), 2, &["stdin is no terminal"]);
+    assert_says(
+        &vfd_gateway(&site.args(&[])),
+        2,
+        &["stdin is not a terminal"],
+    );
     assert_eq!(
         get(site.http, "/api/v1/drives/fan-1/qualify").unwrap().0,
         404,

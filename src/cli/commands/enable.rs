@@ -20,7 +20,7 @@ pub struct Args {
 /// Sets what differs. The exit code says what was found afterwards.
 pub fn enable(args: &Args) -> Result<(), CommandFailure> {
     let drive = setup::SetupDrive::new(&args.drive, &args.place)?;
-    let before = drive.look()?.known;
+    let before = drive.read_settings()?.known;
     let items = before.items.iter();
     if setup::is_another_drive(&before) || items.clone().any(|item| item.result == "not_answered") {
         print(&report(&before))?;
@@ -44,7 +44,7 @@ pub fn enable(args: &Args) -> Result<(), CommandFailure> {
     }
     let answer = drive.set(wrong.iter().filter_map(|item| item.address).collect())?;
     print(&format!("{}\n", setup::outcome(&answer)))?;
-    let after = drive.look()?.known;
+    let after = drive.read_settings()?.known;
     print(&report(&after))?;
     judge(&after)
 }

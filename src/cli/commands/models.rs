@@ -151,7 +151,7 @@ fn check_file(path: &Path, own: &ModelDirs) -> Result<(), CommandFailure> {
     let _ = writeln!(text, "can be ordered: {}", orders_text(&orders(&model)));
     let basics = model.unproven_basics();
     if !basics.is_empty() {
-        text.push_str("a drive of it takes orders only with accept_unverified = [\"basic\"]\n");
+        text.push_str("its drives take orders only with accept_unverified = [\"basic\"]\n");
     }
     for basic in basics {
         let sources = if basic.also.is_some() {

@@ -16,7 +16,7 @@ pub struct Args {
 
 /// Prints the settings. It fails unless all of them are right and were answered.
 pub fn verify(args: &Args) -> Result<(), CommandFailure> {
-    let seen = setup::SetupDrive::new(&args.drive, &args.place)?.look()?;
+    let seen = setup::SetupDrive::new(&args.drive, &args.place)?.read_settings()?;
     print(&if args.json {
         format!("{}\n", serde_json::json!(seen))
     } else {

@@ -41,7 +41,7 @@ fn time(text: &str) -> Result<WatchdogTime, String> {
 /// Shows it, or sets it and shows it. It fails unless it is on, or off if that was requested.
 pub fn watchdog(args: &Args) -> Result<(), CommandFailure> {
     let drive = setup::SetupDrive::new(&args.drive, &args.place)?;
-    let before = drive.look()?.known;
+    let before = drive.read_settings()?.known;
     let watchdog = before.watchdog.as_ref();
     let settable = watchdog.filter(|it| it.state == "on" || it.state == "off");
     let (Some(wanted), Some(watchdog)) = (args.set, settable) else {
@@ -62,7 +62,7 @@ pub fn watchdog(args: &Args) -> Result<(), CommandFailure> {
         WatchdogTime::After(time) => Some(time),
     })?;
     print(&format!("{}\n", outcome(&answer)))?;
-    let after = drive.look()?.known;
+    let after = drive.read_settings()?.known;
     print(&setup::watchdog(after.watchdog.as_ref()))?;
     if !matches!(&*answer.outcome, "confirmed" | "acknowledged") {
         return Err(CommandFailure::failed(format!(

@@ -48,11 +48,11 @@ impl SetupDrive {
         })
     }
 
-    /// What is set on it now.
+    /// What is set on the drive now.
     ///
     /// # Errors
     /// There is no such drive, or the gateway does not answer.
-    pub fn look(&self) -> Result<PassedOn<SetupDocument>, CommandFailure> {
+    pub fn read_settings(&self) -> Result<PassedOn<SetupDocument>, CommandFailure> {
         self.ask(SocketRequest::get(&self.path))
     }
 

@@ -187,7 +187,7 @@ impl JournalStore {
 
     /// Replaces the database if the files at its path are no longer those that are open. A process is not
     /// notified when a file that it has open is deleted or replaced, and would go on writing into a file without a name.
-    pub fn look(&mut self) {
+    pub fn reopen_if_replaced(&mut self) {
         let (Some(files), Some(_)) = (&mut self.files, &self.database) else {
             return;
         };

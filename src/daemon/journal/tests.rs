@@ -948,10 +948,10 @@ fn a_log_that_is_deleted_costs_no_row() {
         book.written();
     };
     write(&mut store, "1");
-    store.look();
+    store.reopen_if_replaced();
     assert_eq!(status.report().replaced, None);
     std::fs::remove_file(place.0.join("journal.db-wal")).unwrap();
-    store.look();
+    store.reopen_if_replaced();
     let replaced = status.report().replaced.unwrap();
     assert!(
         replaced.contains("log was deleted") && replaced.contains("all rows"),

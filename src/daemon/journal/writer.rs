@@ -117,7 +117,7 @@ impl JournalWriter {
         loop {
             if clock::now().since(looked) >= LOOK_EVERY {
                 looked = clock::now();
-                self.store.look();
+                self.store.reopen_if_replaced();
             }
             self.write();
             self.event_sender.serve(&mut self.store);

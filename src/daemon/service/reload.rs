@@ -246,7 +246,7 @@ impl RunningGateway {
             |line: &&Arc<SharedLine>| line.standby.is_some() && ending.contains(&line.number);
         let lines: Vec<_> = lines.iter().filter(ends).cloned().collect();
         for (line, outcome) in hand_over(&lines).await {
-            tracing::info!(line = %line.name, outcome = outcome.keyword(), "the line ends by a reload: asked to give it up");
+            tracing::info!(line = %line.name, outcome = outcome.keyword(), "the reload ends the line here: asked the other gateway to take it");
         }
     }
 

@@ -90,7 +90,7 @@ impl<'a> DriveAcceptance<'a> {
             let lost: Vec<_> = lost.map(|it| it.keyword()).collect();
             if !lost.is_empty() {
                 let what = format!(
-                    "the trials at this drive no longer count ({}): {why}",
+                    "what was confirmed at this drive no longer counts ({}): {why}",
                     lost.join(", ")
                 );
                 problems.push(

@@ -58,7 +58,7 @@ impl TrialDrive {
     }
 
     /// Everything about the trials at this drive.
-    pub async fn look(&self) -> Result<TrialDocument, CommandFailure> {
+    pub async fn read_trials(&self) -> Result<TrialDocument, CommandFailure> {
         self.ask(SocketRequest::get(&self.path)).await
     }
 

@@ -49,30 +49,34 @@ pub fn qualify(args: &Args) -> Result<(), CommandFailure> {
         .build()
         .map_err(CommandFailure::failed)?;
     runtime.block_on(async {
-        let look = gateway.look().await?;
+        let document = gateway.read_trials().await?;
         if args.list {
-            return print(&texts::list(&look));
+            return print(&texts::list(&document));
         }
         if let Some(file) = &args.report {
-            return report::write(file, &look);
+            return report::write(file, &document);
         }
         let by = by(args);
         if args.forget {
             return forget(args, &gateway, &by).await;
         }
-        make(&gateway, &look, &by).await
+        run_trials(&gateway, &document, &by).await
     })
 }
 
-async fn make(gateway: &TrialDrive, look: &TrialDocument, by: &str) -> Result<(), CommandFailure> {
-    may_begin(look)?;
+async fn run_trials(
+    gateway: &TrialDrive,
+    document: &TrialDocument,
+    by: &str,
+) -> Result<(), CommandFailure> {
+    may_begin(document)?;
     // Handled before the first frame, so that no signal leaves a running motor behind.
     let mut stop_signal = pin!(told_to_stop().map_err(CommandFailure::failed)?);
-    print(&texts::beginning(look))?;
+    print(&texts::beginning(document))?;
     let mut session = TrialSession::new(
         gateway,
         TypedLines::listen().map_err(CommandFailure::failed)?,
-        look,
+        document,
         by,
     );
     let ended = tokio::select! {
@@ -114,24 +118,24 @@ async fn make(gateway: &TrialDrive, look: &TrialDocument, by: &str) -> Result<()
 }
 
 /// Whether trials make sense at this drive, and there is somebody to ask.
-fn may_begin(look: &TrialDocument) -> Result<(), CommandFailure> {
-    let TrialDocument { drive, model, .. } = look;
-    if look.actions.is_empty() {
+fn may_begin(document: &TrialDocument) -> Result<(), CommandFailure> {
+    let TrialDocument { drive, model, .. } = document;
+    if document.actions.is_empty() {
         return Err(CommandFailure::wrong(format!(
             "{drive}: everything that {model} can do is proven, so there is nothing to try"
         )));
     }
-    if !look.controlled {
+    if !document.controlled {
         return Err(CommandFailure::wrong(format!(
             "{drive} is read-only: trials need a control section with its limits"
         )));
     }
-    if !look.qualify {
+    if !document.qualify {
         return Err(CommandFailure::wrong(format!(
             "{drive} is not open to trials: set `qualify = true` in its control section, then `vfd-gateway reload`"
         )));
     }
-    if let Some(why) = &look.not_identified {
+    if let Some(why) = &document.not_identified {
         return Err(CommandFailure::failed(format!(
             "{drive}: its identity cannot be read: {why}"
         )));

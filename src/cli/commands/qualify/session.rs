@@ -68,7 +68,7 @@ fn confirmed() -> Step {
 pub(super) struct TrialSession<'a> {
     gateway: &'a TrialDrive,
     person: TypedLines,
-    look: &'a TrialDocument,
+    document: &'a TrialDocument,
     by: &'a str,
     /// The results so far.
     pub found: Vec<ActionResult>,
@@ -80,13 +80,13 @@ impl<'a> TrialSession<'a> {
     pub const fn new(
         gateway: &'a TrialDrive,
         person: TypedLines,
-        look: &'a TrialDocument,
+        document: &'a TrialDocument,
         by: &'a str,
     ) -> Self {
         Self {
             gateway,
             person,
-            look,
+            document,
             by,
             found: Vec::new(),
             has_sent: false,
@@ -131,12 +131,12 @@ impl<'a> TrialSession<'a> {
     }
 
     fn is_unproven(&self, action: &str) -> bool {
-        self.look.actions.iter().any(|it| it.action == *action)
+        self.document.actions.iter().any(|it| it.action == *action)
     }
 
     /// Whether stop, forward and the setpoint are proven or accepted already.
     fn is_basic_sure(&self) -> bool {
-        self.look
+        self.document
             .actions
             .iter()
             .all(|it| it.action != "basic" || it.in_force)
@@ -147,12 +147,12 @@ impl<'a> TrialSession<'a> {
     }
 
     fn has_order(&self, order: &str) -> bool {
-        let orders = self.look.orders.as_ref();
+        let orders = self.document.orders.as_ref();
         orders.is_some_and(|orders| orders.contains_key(order))
     }
 
     fn setpoint(&self) -> f64 {
-        self.look.setpoint_hz.unwrap_or_default()
+        self.document.setpoint_hz.unwrap_or_default()
     }
 
     async fn stop_at_rest(&mut self) -> Result<Step, TrialsEnd> {
@@ -179,7 +179,7 @@ impl<'a> TrialSession<'a> {
 
     /// Forward, then the stop of a motor that runs. Returns whether both are confirmed.
     async fn basic(&mut self) -> Result<bool, TrialsEnd> {
-        if self.look.may_go_forward == Some(false) {
+        if self.document.may_go_forward == Some(false) {
             let why = "`directions` does not allow forward".to_owned();
             self.keep("basic", (TrialFinding::Skipped, why)).await?;
             return Ok(false);
@@ -233,7 +233,7 @@ impl<'a> TrialSession<'a> {
     }
 
     async fn reverse(&mut self) -> Result<(), TrialsEnd> {
-        if self.look.may_reverse != Some(true) {
+        if self.document.may_reverse != Some(true) {
             let why = "`directions` does not allow reverse".to_owned();
             return self.keep("reverse", (TrialFinding::Skipped, why)).await;
         }
@@ -259,7 +259,7 @@ impl<'a> TrialSession<'a> {
     }
 
     async fn coast(&mut self) -> Result<(), TrialsEnd> {
-        if !self.has_order("coast") || self.look.may_go_forward == Some(false) {
+        if !self.has_order("coast") || self.document.may_go_forward == Some(false) {
             return self.keep("coast", skipped()).await;
         }
         let expected = "the motor turns forward; then its output goes off at once, and the motor \
@@ -329,7 +329,7 @@ impl<'a> TrialSession<'a> {
     }
 
     async fn release(&mut self) -> Result<(), TrialsEnd> {
-        if self.look.may_release != Some(true) {
+        if self.document.may_release != Some(true) {
             return self
                 .keep(
                     "release",
@@ -368,7 +368,7 @@ impl<'a> TrialSession<'a> {
         orders: &[&str],
         expected: &str,
     ) -> Result<bool, TrialsEnd> {
-        print(&texts::trial(self.look, title, orders, expected))?;
+        print(&texts::trial(self.document, title, orders, expected))?;
         match self.person.ask("send it? [y/N/skip] ").await? {
             None => Err(TrialsEnd::NoInput),
             Some(answer) if is_yes(&answer) => Ok(true),
@@ -474,7 +474,7 @@ impl<'a> TrialSession<'a> {
     /// Renews the lease of a motor that is about to run.
     fn hold(&self) -> HeldLease {
         self.gateway.hold(Duration::from_millis(
-            self.look.lost_after_ms.unwrap_or_default(),
+            self.document.lost_after_ms.unwrap_or_default(),
         ))
     }
 

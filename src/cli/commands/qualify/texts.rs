@@ -6,26 +6,26 @@ use crate::north::api::{TrialActionDocument, TrialDocument, TrialFrame};
 use std::fmt::Write;
 
 /// What is to be tried at a drive and what was found.
-pub(super) fn list(look: &TrialDocument) -> String {
+pub(super) fn list(document: &TrialDocument) -> String {
     let TrialDocument {
         drive, model, line, ..
-    } = look;
+    } = document;
     let mut said = format!("drive {drive} ({model} on {line})\n");
-    if look.actions.is_empty() {
+    if document.actions.is_empty() {
         said.push_str("  nothing to try\n");
     }
-    let rows = look
+    let rows = document
         .actions
         .iter()
         .map(|it| [it.action.to_string(), it.rests_on.join(", "), standing(it)]);
     said.push_str(&table(rows));
-    if let Some(why) = &look.void {
+    if let Some(why) = &document.void {
         let _ = writeln!(said, "what was found no longer counts: {why}");
     }
-    if let Some(why) = &look.damaged {
+    if let Some(why) = &document.damaged {
         let _ = writeln!(said, "the file of qualified drives cannot be used: {why}");
     }
-    if look.qualify {
+    if document.qualify {
         said.push_str("it is open to trials (`qualify = true`)\n");
     }
     said
@@ -53,13 +53,13 @@ fn standing(action: &TrialActionDocument) -> String {
 }
 
 /// What a person must know before the first order.
-pub(super) fn beginning(look: &TrialDocument) -> String {
+pub(super) fn beginning(document: &TrialDocument) -> String {
     let TrialDocument {
         drive, model, line, ..
-    } = look;
-    let setpoint = look.setpoint_hz.unwrap_or_default();
-    let lost = text_or_unknown(look.on_commander_lost.as_deref());
-    let after = look.lost_after_ms.unwrap_or_default() as f64 / 1000.0;
+    } = document;
+    let setpoint = document.setpoint_hz.unwrap_or_default();
+    let lost = text_or_unknown(document.on_commander_lost.as_deref());
+    let after = document.lost_after_ms.unwrap_or_default() as f64 / 1000.0;
     format!(
         "Trials at drive {drive} ({model} on {line}).\n\
          The motor will turn at {setpoint:.2} Hz. It must be uncoupled or free to turn, with nobody near it, and your hand at\n\
@@ -70,10 +70,15 @@ pub(super) fn beginning(look: &TrialDocument) -> String {
 }
 
 /// One trial before it begins: what is sent, and what should be seen.
-pub(super) fn trial(look: &TrialDocument, title: &str, orders: &[&str], expected: &str) -> String {
+pub(super) fn trial(
+    document: &TrialDocument,
+    title: &str,
+    orders: &[&str],
+    expected: &str,
+) -> String {
     let mut said = format!("\n{title}\n");
     for order in orders {
-        let frames = look.orders.as_ref().and_then(|all| all.get(*order));
+        let frames = document.orders.as_ref().and_then(|all| all.get(*order));
         for TrialFrame { words, frame } in frames.into_iter().flatten() {
             let words: Vec<_> = words
                 .iter()
@@ -112,9 +117,9 @@ mod tests {
     #[test]
     fn an_order_is_reported_with_register_word_and_frame() {
         let frame = json!({ "words": [{ "register": "0x2501", "word": 0 }], "frame": "01 06 25 01 00 00 D2 C6" });
-        let look = json!({ "orders": { "stop": [frame] } });
-        let look = serde_json::from_value(look).unwrap();
-        let said = trial(&look, "stop", &["stop"], "nothing moves");
+        let document = json!({ "orders": { "stop": [frame] } });
+        let document = serde_json::from_value(document).unwrap();
+        let said = trial(&document, "stop", &["stop"], "nothing moves");
         assert_eq!(
             said,
             "\nstop\n  sent:     0x2501 = 0 (stop), frame 01 06 25 01 00 00 D2 C6\n  expected: nothing moves\n"
@@ -128,8 +133,8 @@ mod tests {
             for (key, value) in more.as_object().unwrap() {
                 action[key] = value.clone();
             }
-            let look = json!({ "drive": "d", "model": "m", "line": "l", "actions": [action], "void": "it changed" });
-            list(&serde_json::from_value(look).unwrap())
+            let document = json!({ "drive": "d", "model": "m", "line": "l", "actions": [action], "void": "it changed" });
+            list(&serde_json::from_value(document).unwrap())
         };
         for (more, expected) in [
             (json!({}), "not tried; refused"),

@@ -186,7 +186,7 @@ fn what_cannot_be_changed_safely_is_left_to_a_person() {
             with_control(&has, "pump-1", &control()),
             "has a [line.drive.control] already",
         ),
-        (with_line("[line", &line("b", &[])), "no valid TOML"),
+        (with_line("[line", &line("b", &[])), "not valid TOML"),
         (with_line("line = 3", &line("b", &[])), "inline"),
     ] {
         let found = error_text(what);

@@ -190,7 +190,7 @@ fn line_cases() -> Vec<Case> {
         (
             FindingSign::Floating,
             Hint,
-            "7 times in front",
+            "7 times before",
             of_a(|a| a.damage.led = 7),
         ),
         (
@@ -258,7 +258,7 @@ fn drive_cases() -> Vec<Case> {
         (
             FindingSign::Silent,
             Problem,
-            "others had",
+            "the others did",
             of_a(|a| {
                 (a.now.presence, a.exchanges.replies, a.exchanges.silent) =
                     (DrivePresence::Offline, 100, 8)
@@ -273,7 +273,7 @@ fn drive_cases() -> Vec<Case> {
         (
             FindingSign::TimeoutShort,
             Hint,
-            "60 ms are suggested",
+            "suggest 60 ms",
             of_a(|a| {
                 let mut report = *a.now.report;
                 report.replies[0].suggested = Some(Duration::from_millis(60));
@@ -306,7 +306,7 @@ fn damage_cases() -> Vec<Case> {
         (
             FindingSign::Cut,
             Problem,
-            "the end of 40 of 50",
+            "40 of 50 damaged replies lack their end",
             damaged(50, |a| a.damage.cut = 40),
         ),
         (
