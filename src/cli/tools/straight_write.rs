@@ -141,7 +141,7 @@ fn basics_are_accepted(model: &Model, accepted: &[String]) -> Result<(), Command
     }
     let what: Vec<_> = unproven.iter().map(BasicFact::described).collect();
     Err(CommandFailure::wrong(format!(
-        "{} takes no orders to move, because no manual of it proves {}; add --accept-unverified \
+        "{} takes no orders to move: no manual of it proves {}; add --accept-unverified \
          {basic} if you have seen a stop work",
         model.id,
         what.join(", ")

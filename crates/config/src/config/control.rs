@@ -288,7 +288,7 @@ fn basics(
     }
     let what: Vec<_> = unproven.iter().map(BasicFact::described).collect();
     let what = format!(
-        "{} takes no orders: not proven by a manual of it: {}",
+        "{} takes no orders: no manual of it proves {}",
         model.id,
         what.join(", ")
     );

@@ -523,7 +523,7 @@ fn a_drive_whose_stop_is_unproven_takes_no_orders_until_that_is_accepted() {
     let inferred = stop.replace("manual", "inferred");
     let error = |what: &str, list: &str| {
         Err(vec![format!(
-            "{AT}.accept_unverified: acme-two takes no orders: not proven by a manual of it: {what}; \
+            "{AT}.accept_unverified: acme-two takes no orders: no manual of it proves {what}; \
              accept_unverified = [{list}] once you have seen a stop work, or no control section; the drive is then read-only"
         )])
     };
