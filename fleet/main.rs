@@ -20,7 +20,7 @@ use vfd_gateway::cli::tools::{CommandFailure, log, print};
 const ABOUT: &str = "\
 Every message carries a number, and consumers book what comes: at quality of service 1 nothing that the broker has \
 acknowledged may be missing. An update that finds no room is left out when the next one is due, as a gateway does, so \
-a broker that is too slow shows as a rate that is not held. Use a broker that nobody needs, and a prefix of its own.
+a broker that is too slow shows as a rate that is not held. Use a broker that is not needed otherwise, and a prefix of its own.
 
 Examples:
   vfd-fleet --broker mqtt://127.0.0.1:1883 --gateways 1000 --drives 32

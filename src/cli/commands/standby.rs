@@ -173,7 +173,7 @@ fn unknown(answer: &UnknownLineDocument) -> String {
     )
 }
 
-/// What came of each line, for people.
+/// The outcome for each line, for people.
 fn yield_message(answer: &HandOverDocument) -> String {
     if answer.lines.is_empty() {
         return "no line has a second gateway: there is nothing to hand over\n".to_owned();

@@ -51,7 +51,7 @@ impl LineNews {
 pub struct AnswerBox {
     answers: Mutex<PendingAnswers>,
     bell: Notify,
-    /// No one fetches answers.
+    /// No side fetches answers.
     is_closed: AtomicBool,
 }
 

@@ -14,7 +14,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// Longest time for a line to give itself up: another gateway has to answer, and orders that are under way are carried out.
 const GIVEN_UP_WITHIN: Duration = Duration::from_secs(7);
 
-/// What came of one line.
+/// The outcome for one line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HandOver {
     /// Another gateway is heard on the line, and this one listens.
@@ -102,7 +102,7 @@ struct AskedLine {
 }
 
 impl AskedLine {
-    /// What came of it, as far as it is known.
+    /// The outcome, as far as it is known.
     fn ended(&self) -> Option<HandOver> {
         let now = self.line.report().standby;
         let at = Instant::now();
@@ -124,7 +124,7 @@ fn longest(share: &StandbyShare) -> Duration {
     (share.times.worst_take_over() + RANK_STEP * u32::from(RANK_MAX)) * 2
 }
 
-/// All `lines` at once, each with what came of it.
+/// Hands over all `lines` at once; returns each with its outcome.
 pub async fn hand_over(lines: &[Arc<SharedLine>]) -> Vec<(Arc<SharedLine>, HandOver)> {
     let begun: Vec<_> = lines.iter().map(begin).collect();
     let mut ended = Vec::with_capacity(lines.len());

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// Who may read a file, besides its owner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileReaders {
-    /// No one else: 0600.
+    /// The owner alone: 0600.
     Owner,
     /// The group of its directory: 0640.
     Group,

@@ -1,4 +1,4 @@
-//! Gives lines to the other gateway on request, and keeps what came of it in the audit.
+//! Gives lines to the other gateway on request, and keeps the outcome in the audit.
 
 use super::answers::{json, refusal};
 use crate::daemon::exchange::hand_over::{HandOver, hand_over};

@@ -71,7 +71,7 @@ pub(super) async fn report(side: &LocalSide, drive: &SharedDrive) -> SetupDocume
     }
 }
 
-/// Sets the registers at `addresses` to what the model demands, and tells what became of it. What was there before is
+/// Sets the registers at `addresses` to what the model demands, and returns the outcome. What was there before is
 /// read first, because the log has to say it.
 pub(super) async fn set(
     side: &LocalSide,

@@ -60,7 +60,7 @@ impl OpenFiles {
 }
 
 impl JournalDatabase {
-    /// Writes all that it holds into a new file at `path`, whatever became of its own.
+    /// Writes all that the journal holds into a new file at `path`, whatever happened to its own file.
     ///
     /// # Errors
     /// SQLite's.

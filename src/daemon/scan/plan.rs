@@ -304,7 +304,7 @@ pub fn setting_text(setting: &ScanSetting) -> String {
 }
 
 fn is_factory(model: &Model, link: LinkSettings, framing: Framing) -> bool {
-    // Where nobody knows it, a drive is looked for at one usual setting: at all of them it would cost minutes per model.
+    // A drive whose factory setting is unknown is searched at one usual setting: at all of them it would cost minutes per model.
     let factory = model.link.played();
     match framing {
         Framing::Rtu | Framing::Mbap => factory == link,
@@ -408,7 +408,7 @@ fn order(
 }
 
 /// Few reads, one of which each of `models` answers. A drive whose exceptions are known answers whatever it is asked; of
-/// others nobody knows what they do about an address that they do not have. Holding registers are preferred: few drives
+/// others it is unknown what they do about an address that they do not have. Holding registers are preferred: few drives
 /// lack function 03.
 pub fn probes(models: &[Arc<Model>]) -> Vec<ScanProbe> {
     let answers = |(model, words): &Known<'_>, address| {

@@ -229,7 +229,7 @@ impl SetpointOrder {
             return InForce::Yes;
         }
         if setpoint.is_shown {
-            // Somebody has changed it since.
+            // The drive's own setting was changed since.
             return if is_worn {
                 setting.keeps_out()
             } else {

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 /// How long after a complete exchange of the other master its next request is still to come.
 const BEHIND: Duration = Duration::from_millis(50);
-/// Silence after which nobody is sending: a gateway that is active sends at least every half second.
+/// Silence after which no gateway is sending: a gateway that is active sends at least every half second.
 const QUIET: Duration = Duration::from_millis(750);
 /// How long a stop waits for such a moment. Then any silence between two frames serves.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -14,7 +14,7 @@ const PATIENCE: Duration = Duration::from_secs(1);
 const HAND_OVER_MAX: Duration = Duration::from_millis(100);
 /// Least time before a stop is sent again, apart from once at once.
 const AGAIN_AFTER: Duration = Duration::from_millis(500);
-/// How often a read is sent that shows whether the stop takes effect, where nobody else reads that.
+/// How often a read is sent that shows whether the stop takes effect, where no other gateway reads that.
 const LOOK_EVERY: Duration = Duration::from_millis(300);
 
 /// Longest random wait before the next frame while the last one was not answered: two gateways that stop the same drives, or

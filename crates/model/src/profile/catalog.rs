@@ -15,7 +15,7 @@ pub struct Catalog {
     models: BTreeMap<String, Arc<CatalogEntry>>,
 }
 
-/// A model file, and its model once somebody has asked for it.
+/// A model file, and its model once it was asked for.
 #[derive(Debug, PartialEq)]
 struct CatalogEntry {
     file: Cow<'static, str>,

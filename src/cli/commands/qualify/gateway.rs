@@ -26,7 +26,7 @@ pub(super) struct TrialDrive {
     socket: PathBuf,
 }
 
-/// What became of an order.
+/// The outcome of an order.
 #[derive(Debug)]
 pub(super) enum OrderOutcome {
     /// The drive acknowledged it.

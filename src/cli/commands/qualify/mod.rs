@@ -117,7 +117,7 @@ async fn run_trials(
     }
 }
 
-/// Whether trials make sense at this drive, and there is somebody to ask.
+/// Whether trials make sense at this drive, and a person is there to answer.
 fn may_begin(document: &TrialDocument) -> Result<(), CommandFailure> {
     let TrialDocument { drive, model, .. } = document;
     if document.actions.is_empty() {

@@ -38,7 +38,7 @@ impl From<CommandFailure> for TrialsEnd {
     }
 }
 
-/// What came of one action.
+/// The result of one action.
 #[derive(Debug)]
 pub(super) struct ActionResult {
     /// The action's word.
@@ -56,7 +56,7 @@ impl ActionResult {
     }
 }
 
-/// What came of one step.
+/// The result of one step.
 type Step = (TrialFinding, String);
 
 /// A step that went as expected.
@@ -478,7 +478,7 @@ impl<'a> TrialSession<'a> {
         ))
     }
 
-    /// Has the gateway keep what came of `action`.
+    /// Has the gateway keep the result of `action`.
     async fn keep(&mut self, action: &'static str, (result, why): Step) -> Result<(), TrialsEnd> {
         if !self.is_unproven(action) {
             return Ok(());

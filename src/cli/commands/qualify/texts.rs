@@ -62,7 +62,7 @@ pub(super) fn beginning(document: &TrialDocument) -> String {
     let after = document.lost_after_ms.unwrap_or_default() as f64 / 1000.0;
     format!(
         "Trials at drive {drive} ({model} on {line}).\n\
-         The motor will turn at {setpoint:.2} Hz. It must be uncoupled or free to turn, with nobody near it, and your hand at\n\
+         The motor will turn at {setpoint:.2} Hz. Uncouple it or let it turn freely, keep people away, and keep a hand on\n\
          the hard-wired stop. This program is no safety function. Ctrl-C sends a STOP; if this program dies, the drive\n\
          gets `{lost}` after {after:.1} s.\n\
          y sends an order, skip leaves it out, anything else ends the trials.\n"
@@ -92,7 +92,7 @@ pub(super) fn trial(
     said
 }
 
-/// What came of all of it.
+/// The results of all trials.
 pub(super) fn summary(found: &[ActionResult]) -> String {
     let rows = found.iter().map(|it| {
         [

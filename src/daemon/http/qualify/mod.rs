@@ -224,7 +224,7 @@ impl GatewayTrials {
     }
 }
 
-/// What there is to be tried at a drive, and what came of it before. Its identity is read from the drive.
+/// The actions to be tried at a drive, and their results so far. Its identity is read from the drive.
 async fn show_trials(
     State(trials): State<Arc<GatewayTrials>>,
     Path(name): Path<String>,

@@ -30,8 +30,8 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     words_differ(commit, problems);
 }
 
-/// The register is there for this alone: a client that wrote it could wear out the drive's memory, or take over what
-/// somebody else only tried.
+/// The register is there for this alone: a client that wrote it could wear out the drive's memory, or apply what
+/// another client only tried.
 fn is_written_by_nobody_else(
     word: &CommitWordFile,
     registers: &[RegisterFile],
@@ -54,7 +54,7 @@ fn is_written_by_nobody_else(
         problems.push(problem("has a role").right("the register that is there for this alone"));
     } else if matches!(register.back_door, OptionalKey::Absent) {
         let right =
-            "`back_door` in that register, with the reason: nobody but the gateway may write it";
+            "`back_door` in that register, with the reason: only the gateway may write it";
         problems.push(problem("is open to clients").right(right));
     }
 }
@@ -107,7 +107,7 @@ mod tests {
                     "back_door = \"it takes over what was only tried\"\n",
                     "",
                     "commit.apply.register: `enter` is open to clients -> \
-                     `back_door` in that register, with the reason: nobody but the gateway may write it",
+                     `back_door` in that register, with the reason: only the gateway may write it",
                 ),
                 (
                     "register = \"enter\"\nvalue = 1",

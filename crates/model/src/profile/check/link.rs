@@ -135,7 +135,7 @@ mod tests {
             (
                 "default = { baud = 19200, data_bits = 8, parity = \"even\", stop_bits = 1",
                 "default = { ask = \"P12 and P13\", baud = 19200",
-                "link.default.baud: `ask` says that nobody knows the factory setting, `baud` what it is -> \
+                "link.default.baud: `ask` says that the factory setting is unknown, `baud` what it is -> \
                  one of both: leave out `ask`, or the setting",
             ),
             (

@@ -26,7 +26,7 @@ impl CommitEffect {
 /// One word that takes over or stores parameters.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CommitWord {
-    /// Its register, which nobody else writes.
+    /// The register, which only the gateway writes.
     pub address: Address,
     /// What it does.
     pub effect: CommitEffect,

@@ -33,7 +33,7 @@ pub struct ModelLink {
 pub enum FactorySetting {
     /// Set to these settings.
     Set(LinkSettings),
-    /// Nobody can say: what to read at the drive's panel.
+    /// The setting is unknown: what to read at the drive's panel.
     Ask(String),
 }
 

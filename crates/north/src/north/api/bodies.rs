@@ -59,7 +59,7 @@ pub struct TrialBody {
 pub struct FindingBody {
     /// The action.
     pub action: String,
-    /// What came of it.
+    /// The result.
     pub result: String,
     /// Who saw it.
     pub by: String,

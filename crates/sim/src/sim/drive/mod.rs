@@ -227,7 +227,7 @@ impl SimDrive {
         }
     }
 
-    /// Sets the register at `address` as somebody at the operator panel would, with no regard to sources;
+    /// Sets the register at `address` as a person at the operator panel would, with no regard to sources;
     /// registers that behave (frequencies, trips) do not change. Nothing happens at an unknown address.
     pub fn set_locally(&mut self, at: MonoTime, address: Address, value: u16) {
         self.advance(at);

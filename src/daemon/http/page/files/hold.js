@@ -6,7 +6,7 @@ import { t } from "./texts.js";
 const HOLD_MS = 600;
 const ARMED_MS = 5000;
 
-/** A button for `act`. Its label may change as long as nobody presses it. */
+/** A button for `act`. Its label may change while it is not pressed. */
 export class Hold {
   constructor(label, kind, act) {
     this.label = label;

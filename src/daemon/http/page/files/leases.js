@@ -56,7 +56,7 @@ function own_name() {
   return user === null ? null : `page ${user}`;
 }
 
-/** Nobody is signed in any more. */
+/** The user has signed out. */
 export function end_all() {
   for (const drive of [...held.keys()]) drop(drive);
 }

@@ -41,7 +41,7 @@ export function is_closed() {
   return session.is_private && session.user === null;
 }
 
-/** Calls `listener` whenever somebody signs in or out. */
+/** Calls `listener` whenever a user signs in or out. */
 export function changed(listener) {
   listeners.push(listener);
 }

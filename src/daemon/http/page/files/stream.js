@@ -3,7 +3,7 @@
 // The gateway says twice a second that it is there.
 const LOST_AFTER_MS = 5000;
 const RETRY_MS = 1000;
-// A tab that nobody sees gives its connection back: a browser has few of them for one host, and a stop needs one.
+// A hidden tab gives its connection back: a browser has few of them for one host, and a stop needs one.
 const HIDDEN_MS = 10_000;
 
 /** Listens to the gateway's events for as long as the page is open. */

@@ -1,4 +1,4 @@
-// What goes over a line, decoded, while somebody looks.
+// The traffic of a line, decoded, while the panel is open.
 
 import { add, fill, h, show, text } from "./dom.js";
 import { choices, labelled, table } from "./fetched.js";
