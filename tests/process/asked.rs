@@ -21,7 +21,7 @@ const NAMES: [&str; 8] = ["p1", "p2", "p3", "p4", "p5", "p6", "p7", "p8"];
 /// What a question contains, and what is answered. The model is asked for by numbers, which are looked up.
 const ANSWERS: [(&str, &str); 13] = [
     ("Names of the drives", "p1 p2 p3 p4 p5 p6 p7 p8"),
-    ("What shall reach the drives", "home-assistant"),
+    ("Interfaces to the drives", "home-assistant"),
     ("Broker: mqtt://HOST", "BROKER"),
     ("User at the broker", ""),
     ("Who may command the drives", "mqtt"),

@@ -34,7 +34,7 @@ pub struct Args {
     /// The frequency that stands for 100 % at drives that need it stated
     #[arg(long, value_name = "HZ")]
     pub full_scale_hz: Option<String>,
-    /// What shall reach the drives: page, modbus-tcp, mqtt, home-assistant, sparkplug
+    /// Interfaces to the drives: page, modbus-tcp, mqtt, home-assistant, sparkplug
     #[arg(long, value_name = "WAY,...")]
     pub ways: Option<String>,
     /// Address of the page

@@ -96,7 +96,7 @@ pub fn ask_interfaces<R: BufRead>(
     questions: &mut PersonQuestions<R>,
     args: &Args,
 ) -> Result<Vec<String>, CommandFailure> {
-    let question = format!("What shall reach the drives, of {}", WAYS.join(", "));
+    let question = format!("Interfaces to the drives, any of {}", WAYS.join(", "));
     questions.given_or_asked(
         args.ways.as_deref(),
         "--ways",
@@ -260,7 +260,7 @@ pub fn commanders<R: BufRead>(
         }
     }
     let question = format!(
-        "Who may command the drives, of {}; Enter for none",
+        "Who may command the drives, any of {}; Enter for none",
         open.join(", ")
     );
     questions.given_or_asked(
