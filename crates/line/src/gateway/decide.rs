@@ -254,7 +254,7 @@ impl LineCore {
         loop {
             let (drive, want) = self.most_urgent(now, last_rank)?;
             let is_new_stop =
-                want.rank == WishRank::FirstStop && self.drives[drive].work.has_unsent_stop();
+                want.rank == WishRank::FirstStop && self.drives[drive].work.has_new_stop();
             if self.drives[drive]
                 .work
                 .send(want.rank, now, &mut self.effects)

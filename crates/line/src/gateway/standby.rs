@@ -445,7 +445,7 @@ impl LineCore {
         if want.rank == WishRank::FirstStop && self.stop_all(now) {
             return;
         }
-        let is_first = self.drives[drive].work.has_unsent_stop();
+        let is_first = self.drives[drive].work.has_new_stop();
         if !self.drives[drive]
             .work
             .send(want.rank, now, &mut self.effects)

@@ -163,7 +163,7 @@ struct OpeningOrder {
 /// The rows about who has control, and the order that waits for one.
 #[derive(Debug, Default)]
 pub(super) struct OpeningRows {
-    /// A run order that opened the lease and waits for its row.
+    /// A run order or reset that waits for its row.
     opening: Option<OpeningOrder>,
     /// The last recorded owner of the lease, and whether it is awaited since before a restart.
     said_owner: Option<(Owner, bool)>,

@@ -54,7 +54,7 @@ impl FollowWatch {
             }
         };
         self.has_run |= running;
-        if running || motor.may_turn() {
+        if running || motor.ramps_or_shows_output() {
             self.at_rest = 0;
             return None;
         }

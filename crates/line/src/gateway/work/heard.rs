@@ -31,7 +31,7 @@ pub(super) struct UnsettledMotion {
     pub until: MonoTime,
 }
 
-/// The orders to one drive that are not this gateway's own, or not any more.
+/// The orders to one drive that others gave, and whether it may run on after this gateway has left it.
 #[derive(Debug, Default)]
 pub(super) struct HeardOrders {
     /// The last order of another gateway of the line.
@@ -95,7 +95,7 @@ impl HeardOrders {
     }
 
     /// The drive stands still: a stop that was heard has taken effect, and what starts it next is another order.
-    pub const fn stands(&mut self, is_ordered_to_run: bool) {
+    pub const fn motor_stands(&mut self, is_ordered_to_run: bool) {
         if matches!(self.heard, HeardOrder::Stop { .. }) {
             self.heard = HeardOrder::Nothing;
         }

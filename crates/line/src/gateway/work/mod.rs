@@ -278,7 +278,7 @@ impl DriveWork {
     }
 
     /// Whether a stop waits that was not sent yet.
-    pub fn has_unsent_stop(&self) -> bool {
+    pub fn has_new_stop(&self) -> bool {
         self.latch().is_some_and(|latch| latch.unsent().is_some())
     }
 
@@ -484,7 +484,7 @@ impl DriveWork {
     /// stop. What waits behind it would be sent to a drive that is not ready.
     fn take_start_back(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {
         let is_busy = self.stop.is_pending() || self.queue.current().is_some();
-        if is_busy || is_offline || !self.words.take_start_back(now) {
+        if is_busy || is_offline || !self.words.begin_start_back(now) {
             return;
         }
         self.cut_motion(Reason::NotReady, out);
@@ -506,7 +506,7 @@ impl DriveWork {
         let is_at_rest =
             self.motor.is_at_standstill() && !matches!(self.guard.intent(), RunIntent::Run(_));
         let may_go = if is_apart { !is_offline } else { is_at_rest };
-        if is_busy || !may_go || !self.words.take_reset_back(now) {
+        if is_busy || !may_go || !self.words.begin_reset_back(now) {
             return;
         }
         let Some(approved) = self.guard.take_reset_back() else {

@@ -80,8 +80,8 @@ impl MotorReadings {
         self.status_at
     }
 
-    /// Whether the motor ramps to a stop, or its output is not known to be zero.
-    pub fn may_turn(&self) -> bool {
+    /// Whether the drive shows that it ramps to a stop, or has an output register in which no zero was read.
+    pub fn ramps_or_shows_output(&self) -> bool {
         let ramps = self.status.get(IndicatedState::Stopping) == Some(true);
         ramps || (self.output_register.is_some() && self.output.raw() != Some(0))
     }
@@ -202,8 +202,8 @@ impl MotorReadings {
         self.output.take(raw, read_at);
     }
 
-    /// Takes the status in `words`. If they show whether the drive is ordered to run, returns that, and whether it was
-    /// started since the last reading.
+    /// Takes the status in `words`. If they show whether the drive is ordered to run, returns that, and whether another
+    /// master has started it: it did not run before, or not in this direction when its stop took effect.
     pub fn take_status(
         &mut self,
         address: Address,

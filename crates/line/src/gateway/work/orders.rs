@@ -323,8 +323,8 @@ impl DriveWork {
         true
     }
 
-    /// The frame of its stop was handed to the port, which took until `now`; the drive `hears_from` then on. A frame that was
-    /// only decided on was not sent.
+    /// The frame of its stop was handed to the port, which took until `now`. Before `hears_from` the drive may not hear it. A
+    /// frame that was only decided on was not sent.
     pub fn stop_was_transmitted(&mut self, now: MonoTime, hears_from: MonoTime, out: Out<'_>) {
         if let Some(latch) = self.stop.latch_mut() {
             latch.was_sent(now, hears_from);

@@ -150,7 +150,7 @@ impl DriveWork {
         if !self.stop.is_pending() && self.stands() {
             self.motor.set_turned(false);
             self.heard
-                .stands(matches!(self.guard.intent(), RunIntent::Run(_)));
+                .motor_stands(matches!(self.guard.intent(), RunIntent::Run(_)));
             self.stop.ends_stopping();
             self.guard.at_standstill();
         }

@@ -88,14 +88,13 @@ impl StandingWords {
         self.reset.stands = false;
     }
 
-    /// Whether a start that has ended without the drive showing that it runs is to be taken back now: at once, before
-    /// everything else but a stop. What waits behind it would be sent to a drive that is not ready.
-    pub fn take_start_back(&mut self, now: MonoTime) -> bool {
+    /// Whether the start is to be taken back now. If so, the next attempt is later.
+    pub fn begin_start_back(&mut self, now: MonoTime) -> bool {
         self.start.take_back(now)
     }
 
-    /// Whether the reset word is to be cleared now.
-    pub fn take_reset_back(&mut self, now: MonoTime) -> bool {
+    /// Whether the reset word is to be cleared now. If so, the next attempt is later.
+    pub fn begin_reset_back(&mut self, now: MonoTime) -> bool {
         self.reset.take_back(now)
     }
 

@@ -53,8 +53,7 @@ fn is_written_by_nobody_else(
     } else if matches!(register.role, OptionalKey::Valid(_)) {
         problems.push(problem("has a role").right("the register that is there for this alone"));
     } else if matches!(register.back_door, OptionalKey::Absent) {
-        let right =
-            "`back_door` in that register, with the reason: only the gateway may write it";
+        let right = "`back_door` in that register, with the reason: only the gateway may write it";
         problems.push(problem("is open to clients").right(right));
     }
 }

@@ -83,7 +83,7 @@ pub trait BrokerSession: Debug {
     /// Whether the broker is to publish the will after the last messages, too.
     const LEAVES_WILL: bool;
     /// Whether it publishes how a line sees its drives.
-    const SHOWS_STATIONS: bool = true;
+    const SHOWS_STATIONS: bool;
 
     /// The session of a gateway with these drives and lines, started now. `probe_key` is random, and used by this
     /// session only: without it no peer can forge a probe.

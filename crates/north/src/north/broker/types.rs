@@ -136,6 +136,6 @@ pub struct SessionLine {
     pub name: Name,
     /// Its state and counters.
     pub report: LineReport,
-    /// How it sees its drives, in order.
+    /// How it sees its drives, in order; empty for a session that does not show them.
     pub stations: Vec<Arc<StationReport>>,
 }

@@ -71,6 +71,7 @@ impl BrokerSession for MqttSession {
     const ASKER: AskerId = AskerId::MQTT;
     const OWNER: Owner = Owner::Mqtt;
     const LEAVES_WILL: bool = false;
+    const SHOWS_STATIONS: bool = true;
 
     fn new(
         (gateway, settings): Self::Settings,
