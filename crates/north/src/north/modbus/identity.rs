@@ -1,10 +1,10 @@
 //! Device identification (2B/0E hex): who this gateway is.
 
-use crate::domain::version::PROGRAM_VERSION;
+use crate::domain::version::{PROGRAM_NAME, PROGRAM_VERSION};
 use crate::wire::exception;
 
 /// The basic objects by their numbers: vendor name, product code, revision.
-const OBJECTS: [&str; 3] = ["vfd-gateway", env!("CARGO_PKG_NAME"), PROGRAM_VERSION];
+const OBJECTS: [&str; 3] = [PROGRAM_NAME, PROGRAM_NAME, PROGRAM_VERSION];
 
 /// The basic objects only, as a stream or one by one (V1.1b3, 6.21).
 const CONFORMITY: u8 = 0x81;

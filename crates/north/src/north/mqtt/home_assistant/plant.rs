@@ -3,7 +3,7 @@
 use super::entity::{DiscoveryEntity, EntityNeeds};
 use super::{drive, gateway, ids};
 use crate::domain::ids::Name;
-use crate::domain::version::PROGRAM_VERSION;
+use crate::domain::version::{PROGRAM_NAME, PROGRAM_REPOSITORY, PROGRAM_VERSION};
 use crate::drive::description::DriveDescription;
 use crate::north::mqtt::topics::MqttTopics;
 use crate::north::mqtt::types::{HomeAssistant, Settings};
@@ -287,7 +287,7 @@ impl<'a> DiscoveryPlant<'a> {
             DiscoveryDevice::Gateway => json!({
                 "identifiers": [id(ids::GATEWAY)],
                 "name": self.gateway.as_str(),
-                "manufacturer": env!("CARGO_PKG_NAME"),
+                "manufacturer": PROGRAM_NAME,
                 "model": "Gateway for variable-frequency drives",
                 "sw_version": PROGRAM_VERSION,
             }),
@@ -302,12 +302,11 @@ impl<'a> DiscoveryPlant<'a> {
     }
 }
 
-/// The announcing software. The URL is present if the package has one.
+/// The announcing software. The URL is present if the program has one.
 fn origin() -> Value {
-    let mut origin = json!({ "name": env!("CARGO_PKG_NAME"), "sw_version": PROGRAM_VERSION });
-    let url = env!("CARGO_PKG_REPOSITORY");
-    if !url.is_empty() {
-        origin["support_url"] = url.into();
+    let mut origin = json!({ "name": PROGRAM_NAME, "sw_version": PROGRAM_VERSION });
+    if !PROGRAM_REPOSITORY.is_empty() {
+        origin["support_url"] = PROGRAM_REPOSITORY.into();
     }
     origin
 }
