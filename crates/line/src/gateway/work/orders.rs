@@ -549,7 +549,8 @@ impl DriveWork {
         }
     }
 
-    /// The line is down, or another gateway's, as `reason` says: waiting work is not sent, the exchange on the wire is in doubt. A stop keeps waiting.
+    /// The line is down, or another gateway's, as `reason` says: waiting work is not sent, the exchange on the wire is in doubt.
+    /// A stop keeps waiting.
     pub fn line_down(&mut self, now: MonoTime, reason: Reason, out: Out<'_>) {
         self.leave_flight(out);
         // What is ordered is forgotten below. Another gateway that has the line sees the drive.

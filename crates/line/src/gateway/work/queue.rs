@@ -1,5 +1,5 @@
-//! What one drive wishes for the wire, and its commands that have not ended: the one in execution, those that wait for it, and whether one of its
-//! exchanges is on the wire.
+//! What one drive wishes for the wire, and its commands that have not ended: the one in execution, those that wait for it,
+//! and whether one of its exchanges is on the wire.
 
 use super::durable::OpeningRows;
 use super::reports::{DriveReports, Out};
