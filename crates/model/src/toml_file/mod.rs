@@ -20,8 +20,6 @@
 //! ```
 
 pub mod declare;
-#[cfg(test)]
-pub mod key_uses;
 mod location;
 mod reader;
 pub mod values;

@@ -1,7 +1,5 @@
 //! Reads a table key by key. See the example in [`crate::toml_file`].
 
-#[cfg(test)]
-use super::key_uses::{self, Form};
 use super::location::{KeyLocation, LocatedValue, OptionalKey, RequiredKey};
 use super::values::{ValueKind, kind_of};
 use crate::domain::problem::{Problem, nearest};
@@ -125,8 +123,6 @@ impl<'a, 'p> TableReader<'a, 'p> {
 
     /// The value of the required key `key`.
     pub fn required<T>(&mut self, key: &'static str, kind: &ValueKind<'_, T>) -> RequiredKey<T> {
-        #[cfg(test)]
-        self.note(key, Form::Value, true, kind.right());
         let Some(found) = self.find(key) else {
             self.report_missing(key, kind.right());
             return None;
@@ -136,8 +132,6 @@ impl<'a, 'p> TableReader<'a, 'p> {
 
     /// The value of the optional key `key`.
     pub fn optional<T>(&mut self, key: &'static str, kind: &ValueKind<'_, T>) -> OptionalKey<T> {
-        #[cfg(test)]
-        self.note(key, Form::Value, false, kind.right());
         match self.find(key) {
             None => OptionalKey::Absent,
             Some(found) => self
@@ -153,8 +147,6 @@ impl<'a, 'p> TableReader<'a, 'p> {
         key: &'static str,
         kind: &ValueKind<'_, T>,
     ) -> OptionalKey<Vec<LocatedValue<T>>> {
-        #[cfg(test)]
-        self.note(key, Form::List, false, kind.right());
         match self.find(key) {
             None => OptionalKey::Absent,
             Some(found) => self
@@ -169,8 +161,6 @@ impl<'a, 'p> TableReader<'a, 'p> {
         key: &'static str,
         kind: &ValueKind<'_, T>,
     ) -> RequiredKey<Vec<LocatedValue<T>>> {
-        #[cfg(test)]
-        self.note(key, Form::List, true, kind.right());
         let Some(found) = self.find(key) else {
             self.report_missing(key, &format!("a list, each {}", kind.right()));
             return None;
@@ -198,8 +188,6 @@ impl<'a, 'p> TableReader<'a, 'p> {
 
     /// The optional table `key`.
     pub fn table(&mut self, key: &'static str) -> OptionalKey<TomlSection<'a>> {
-        #[cfg(test)]
-        self.note(key, Form::Table, false, "");
         match self.find(key) {
             None => OptionalKey::Absent,
             Some(found) => match self.as_section(found) {
@@ -218,8 +206,6 @@ impl<'a, 'p> TableReader<'a, 'p> {
         key: &'static str,
         kind: &ValueKind<'_, T>,
     ) -> OptionalKey<TomlEntry<'a, T>> {
-        #[cfg(test)]
-        self.note(key, Form::ValueOrTable, false, kind.right());
         match self.find(key) {
             None => OptionalKey::Absent,
             Some((location, DeValue::Table(table))) => {
@@ -253,8 +239,6 @@ impl<'a, 'p> TableReader<'a, 'p> {
         kind: &ValueKind<'_, T>,
     ) -> OptionalKey<Vec<TomlEntry<'a, T>>> {
         let right = format!("{}, or a table", kind.right());
-        #[cfg(test)]
-        self.note(key, Form::List, false, &right);
         let Some((location, value)) = self.find(key) else {
             return OptionalKey::Absent;
         };
@@ -290,8 +274,6 @@ impl<'a, 'p> TableReader<'a, 'p> {
 
     /// The required table `key`.
     pub fn required_table(&mut self, key: &'static str) -> Option<TomlSection<'a>> {
-        #[cfg(test)]
-        self.note(key, Form::Table, true, "");
         let Some(found) = self.find(key) else {
             self.report_missing(key, &format!("a table `{key}`"));
             return None;
@@ -301,8 +283,6 @@ impl<'a, 'p> TableReader<'a, 'p> {
 
     /// The tables `[[key]]` in the order of the file; empty if there are none.
     pub fn tables(&mut self, key: &'static str) -> Vec<TomlSection<'a>> {
-        #[cfg(test)]
-        self.note(key, Form::Tables, false, "");
         let Some((location, value)) = self.find(key) else {
             return Vec::new();
         };
@@ -326,8 +306,6 @@ impl<'a, 'p> TableReader<'a, 'p> {
     /// The values of all keys, for a table whose keys the author of the file chooses. Invalid values are reported
     /// and omitted.
     pub fn all<T>(self, kind: &ValueKind<'_, T>) -> Vec<(String, LocatedValue<T>)> {
-        #[cfg(test)]
-        self.note(key_uses::ANY, Form::Value, false, kind.right());
         let table = self.section.table;
         let entries = table.iter();
         entries
@@ -341,8 +319,6 @@ impl<'a, 'p> TableReader<'a, 'p> {
 
     /// The tables and values of all keys; otherwise as [`Self::all`].
     pub fn entries<T>(&mut self, kind: &ValueKind<'_, T>) -> Vec<(String, TomlEntry<'a, T>)> {
-        #[cfg(test)]
-        self.note(key_uses::ANY, Form::ValueOrTable, false, kind.right());
         let table = self.section.table;
         let mut entries = Vec::new();
         for (key, value) in table {
@@ -361,8 +337,6 @@ impl<'a, 'p> TableReader<'a, 'p> {
         mut self,
         kind: &ValueKind<'_, T>,
     ) -> Vec<(String, LocatedValue<Vec<LocatedValue<T>>>)> {
-        #[cfg(test)]
-        self.note(key_uses::ANY, Form::List, false, kind.right());
         let table = self.section.table;
         let mut lists = Vec::new();
         for (key, value) in table {
@@ -400,11 +374,6 @@ impl<'a, 'p> TableReader<'a, 'p> {
                     .right(right),
             );
         }
-    }
-
-    #[cfg(test)]
-    fn note(&self, key: &'static str, form: Form, is_required: bool, right: &str) {
-        key_uses::note(&self.section.location.key, key, form, is_required, right);
     }
 
     fn find(&mut self, key: &'static str) -> Option<(KeyLocation, &'a DeValue<'a>)> {

@@ -84,7 +84,7 @@ fn has_form(alias: Option<RamAlias>, register: &RegisterFile, address: u16) -> b
         .as_ref()
         .is_none_or(|access| access.value == RegisterAccess::ReadWrite)
         && register
-            .in_table()
+            .table()
             .is_none_or(|table| table == DataTable::Holding)
         && !register.form.is_pair();
     is_whole && alias.is_some_and(|alias| alias.form_of(address).is_some())
@@ -128,7 +128,7 @@ fn forms_are_free(
 ) {
     let mut is_used = false;
     for register in registers {
-        let (Some(address), Some(DataTable::Holding)) = (&register.address, register.in_table())
+        let (Some(address), Some(DataTable::Holding)) = (&register.address, register.table())
         else {
             continue;
         };
@@ -151,7 +151,7 @@ fn forms_are_free(
             let first = other.address.as_ref().map(|address| address.value);
             let is_there =
                 first.is_some_and(|first| (first..first.saturating_add(words)).contains(&form));
-            is_there && other.in_table() == Some(DataTable::Holding)
+            is_there && other.table() == Some(DataTable::Holding)
         };
         if let Some(other) = registers.iter().find(covers) {
             let name = other.name().unwrap_or("another one");

@@ -45,6 +45,7 @@ fn functions_suffice(file: &ModelFile, problems: &mut Vec<Problem>) {
     if let Some(function) = broadcast
         .value
         .iter()
+        .map(|function| function.value)
         .find(|function| !served.contains(function))
     {
         let problem = broadcast
@@ -137,7 +138,8 @@ fn replies_carry_values(file: &ModelFile, problems: &mut Vec<Problem>) {
 
 /// A barrier that is refused with exception 01 needs that exception to mean nothing else.
 fn exceptions_are_of_one_kind(file: &ModelFile, problems: &mut Vec<Problem>) {
-    let is_refused = |barrier: &BarrierFile| matches!(barrier.form, Some(BarrierForm::Refused(_)));
+    let is_refused =
+        |barrier: &BarrierFile| matches!(barrier.form(), Some(BarrierForm::Refused(_)));
     if !file.barriers.iter().any(is_refused) {
         return;
     }
@@ -159,9 +161,7 @@ fn areas_are_apart(file: &ModelFile, problems: &mut Vec<Problem>) {
     let areas = file.read.iter().flat_map(|read| &read.areas);
     let mut ranges: Vec<(DataTable, u16, u16)> = Vec::new();
     for area in areas {
-        let (Some(from), Some(to), Some(table)) =
-            (&area.from, &area.to, area.table.or(DataTable::Holding))
-        else {
+        let (Some(from), Some(to), Some(table)) = (&area.from, &area.to, area.table()) else {
             continue;
         };
         if from.value > to.value {
@@ -225,7 +225,7 @@ const WRITE_BYTES: u16 = 9;
 
 /// A barrier can be sent, and its reply cannot be mistaken for that to another request.
 fn barrier_is_sound(barrier: &BarrierFile, file: &ModelFile, problems: &mut Vec<Problem>) {
-    match &barrier.form {
+    match barrier.form() {
         None => {}
         Some(BarrierForm::Read(block)) => read_is_sound(block, barrier, file, problems),
         Some(BarrierForm::LoopTest(_)) if serves(0x08, file) == Some(false) => {

@@ -20,7 +20,7 @@ mod tables;
 mod values;
 mod warnings;
 
-use super::file::ModelFile;
+use super::file::{ModelFile, WrittenModel};
 use super::like::{ModelText, ModelTexts, NoOtherModels, WholeFile};
 use super::model::Model;
 use crate::domain::problem::Problem;
@@ -43,8 +43,8 @@ pub(super) fn model_and_id(
     let mut problems = Vec::new();
     let ready = WholeFile::read(text, sources, &mut problems).and_then(|whole| {
         let mut of_whole = Vec::new();
-        let file = ModelFile::read(whole.document().section(), &mut of_whole);
-        compare(&file, &mut of_whole);
+        let written = WrittenModel::read(whole.document().section(), &mut of_whole);
+        compare(&written.file, &mut of_whole);
         of_whole.sort_by_key(|problem| problem.span.start);
         let is_unsound = |base: ModelText<'_>| model_and_id(base.text, sources).is_err();
         let has_taken_over = of_whole.iter().any(|problem| whole.is_taken_over(problem));
@@ -53,7 +53,7 @@ pub(super) fn model_and_id(
             problems.extend(whole.base_has_mistakes());
         }
         problems.extend(whole.placed(of_whole));
-        Some((file.ready()?, file.id?.location))
+        Some((written.ready()?, written.head.id?.location))
     });
     problems.sort_by_key(|problem| problem.span.start);
     match ready {

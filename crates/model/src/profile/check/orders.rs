@@ -2,7 +2,7 @@
 
 use super::keys::there;
 use crate::domain::problem::Problem;
-use crate::profile::file::{FormWord, ModelFile, PlacesFile, RunFile};
+use crate::profile::file::{FormWord, ModelFile, RunFile};
 use crate::profile::model::{OrderKind, RegisterMemory, RegisterRole};
 use crate::profile::register::RegisterFile;
 use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
@@ -10,9 +10,9 @@ use std::collections::BTreeMap;
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     let run = file.run.valid().map(|run| &run.value);
-    named_by_an_order(run.map(|run| &run.places), &file.registers, problems);
+    named_by_an_order(run, &file.registers, problems);
     let Some(run) = run else { return };
-    for name in run.places.names() {
+    for name in run.names() {
         takes_an_order(name, &file.registers, problems);
     }
     words_differ(run, problems);
@@ -23,7 +23,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
 
 /// A register with the role `order` belongs to an order.
 fn named_by_an_order(
-    places: Option<&PlacesFile>,
+    run: Option<&RunFile>,
     registers: &[RegisterFile],
     problems: &mut Vec<Problem>,
 ) {
@@ -35,12 +35,11 @@ fn named_by_an_order(
         else {
             continue;
         };
-        let is_named = |places: &PlacesFile| {
-            places
-                .names()
+        let is_named = |run: &RunFile| {
+            run.names()
                 .any(|name| Some(name.value.as_str()) == register.name())
         };
-        if !places.is_some_and(is_named) {
+        if !run.is_some_and(is_named) {
             let problem = role.location.problem("no order names this register");
             problems.push(problem.right(
                 "`register` of an order or of `direction` in `[run]`, or leave the role out",
@@ -108,7 +107,7 @@ type Place<'f> = (Option<&'f str>, u16);
 fn words_differ(run: &RunFile, problems: &mut Vec<Problem>) {
     let mut taken: BTreeMap<Place<'_>, &KeyLocation> = BTreeMap::new();
     for (kind, word) in run.words() {
-        let register = run.places.named(kind).map(|name| name.value.as_str());
+        let register = run.named(kind).map(|name| name.value.as_str());
         let Some(first) = taken.insert((register, word.value), &word.location) else {
             continue;
         };
@@ -123,17 +122,12 @@ fn words_differ(run: &RunFile, problems: &mut Vec<Problem>) {
                 .right("a word that no other run command uses"),
         );
     }
-    if let Some(direction) = run
-        .places
-        .direction
-        .as_ref()
-        .and_then(|fact| fact.value.as_ref())
+    if let Some(direction) = run.direction.as_ref().and_then(|fact| fact.value.as_ref())
         && let Some(name) = direction.value.register.as_ref()
-        && run
-            .places
-            .registers
-            .iter()
-            .any(|(_, other)| other.value == name.value)
+        && OrderKind::ALL
+            .into_iter()
+            .filter_map(|kind| run.named(kind))
+            .any(|other| other.value == name.value)
     {
         let problem = name
             .location
@@ -144,7 +138,7 @@ fn words_differ(run: &RunFile, problems: &mut Vec<Problem>) {
 
 /// A stop ends what forward and reverse began: it replaces their word, or is a command of its own.
 fn stop_replaces_run(run: &RunFile, problems: &mut Vec<Problem>) {
-    let name = |kind| run.places.named(kind).map(|name| name.value.as_str());
+    let name = |kind| run.named(kind).map(|name| name.value.as_str());
     let stop = name(OrderKind::Stop);
     let is_of_bits = run
         .form
@@ -169,7 +163,7 @@ fn stop_replaces_run(run: &RunFile, problems: &mut Vec<Problem>) {
     }
     let Some(location) = [*first, OrderKind::Stop]
         .into_iter()
-        .find_map(|kind| run.places.named(kind))
+        .find_map(|kind| run.named(kind))
     else {
         return;
     };
@@ -183,12 +177,7 @@ fn stop_replaces_run(run: &RunFile, problems: &mut Vec<Problem>) {
 
 /// The direction is given by two different words, and by nothing else.
 fn direction_is_whole(run: &RunFile, problems: &mut Vec<Problem>) {
-    let Some(direction) = run
-        .places
-        .direction
-        .as_ref()
-        .and_then(|fact| fact.value.as_ref())
-    else {
+    let Some(direction) = run.direction.as_ref().and_then(|fact| fact.value.as_ref()) else {
         return;
     };
     let forward = direction.value.forward.as_ref().map(|word| word.value);
@@ -203,7 +192,7 @@ fn direction_is_whole(run: &RunFile, problems: &mut Vec<Problem>) {
             .problem(format!("{} is also the word for forward", reverse.value));
         problems.push(problem.right("two different words"));
     }
-    if let Some(reverse) = run.reverse.as_ref().and_then(|fact| fact.value.as_ref()) {
+    if let Some(reverse) = run.word(OrderKind::Reverse) {
         let problem = reverse
             .location
             .problem("`direction` says how reverse is ordered");
@@ -214,21 +203,11 @@ fn direction_is_whole(run: &RunFile, problems: &mut Vec<Problem>) {
 /// A direction that the sign of the setpoint orders is ordered by nothing else, and every register of the setpoint has
 /// that sign.
 fn sign_can_be_ordered(run: &RunFile, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
-    let Some(by_sign) = run
-        .places
-        .reverse_by
-        .as_ref()
-        .and_then(|fact| fact.value.as_ref())
-    else {
+    let Some(by_sign) = run.reverse_by.as_ref().and_then(|fact| fact.value.as_ref()) else {
         return;
     };
-    let reverse = run
-        .reverse
-        .as_ref()
-        .and_then(|fact| fact.value.as_ref())
-        .map(|word| &word.location);
+    let reverse = run.word(OrderKind::Reverse).map(|word| &word.location);
     let direction = run
-        .places
         .direction
         .as_ref()
         .and_then(|fact| fact.value.as_ref())
@@ -249,7 +228,7 @@ fn sign_can_be_ordered(run: &RunFile, registers: &[RegisterFile], problems: &mut
     };
     for register in registers.iter().filter(of_setpoint) {
         let name = register.name().unwrap_or_default();
-        if !matches!(register.form.direction.0, OptionalKey::Absent) {
+        if !matches!(register.form.direction, OptionalKey::Absent) {
             if let Some(words) = register.form.words.valid().filter(|words| words.value == 2) {
                 let problem = words
                     .location

@@ -22,7 +22,7 @@ enum ResetPart {
 }
 
 pub(super) fn check(run: &RunFile, location: &KeyLocation, problems: &mut Vec<Problem>) {
-    if run.places.named(OrderKind::Reset).is_none() {
+    if run.named(OrderKind::Reset).is_none() {
         reset_is_framed(run, location, problems);
     } else {
         reset_apart_is_framed(run, problems);
@@ -47,7 +47,7 @@ fn reset_is_framed(run: &RunFile, location: &KeyLocation, problems: &mut Vec<Pro
         }
         return;
     };
-    let (Some(reset), Some(stop)) = (&reset.value, &run.stop.value) else {
+    let (Some(reset), Some(stop)) = (reset.word(), run.stop.word()) else {
         return;
     };
     let ends_with_stop = run
@@ -100,7 +100,7 @@ fn reset_apart_is_framed(run: &RunFile, problems: &mut Vec<Problem>) {
     let Some(parts) = parts(&sequence.value, run) else {
         return;
     };
-    let end = if run.places.clear.is_some() {
+    let end = if run.clear().is_some() {
         ResetPart::Clear
     } else {
         ResetPart::Reset
@@ -110,19 +110,12 @@ fn reset_apart_is_framed(run: &RunFile, problems: &mut Vec<Problem>) {
     if framed && only && parts.len() <= WORDS_MAX {
         return;
     }
-    let name = run
-        .places
-        .named(OrderKind::Reset)
-        .map_or("", |name| &name.value);
-    let words = run
-        .reset
-        .iter()
-        .filter_map(|fact| fact.value.as_ref())
-        .chain(&run.places.clear);
+    let name = run.named(OrderKind::Reset).map_or("", |name| &name.value);
+    let words = run.word(OrderKind::Reset).into_iter().chain(run.clear());
     let table =
         |word: &LocatedValue<u16>| format!("{{ register = \"{name}\", value = {} }}", word.value);
-    let stop = run.stop.value.iter().map(|word| run.shown(word.value));
-    let example: Vec<_> = stop.chain(words.map(table)).collect();
+    let stop = run.stop.word().map(|word| run.shown(word.value));
+    let example: Vec<_> = stop.into_iter().chain(words.map(table)).collect();
     let problem = sequence
         .location
         .problem("a reset in a register of its own is a stop, the reset and `clear`");
@@ -135,10 +128,10 @@ fn reset_apart_is_framed(run: &RunFile, problems: &mut Vec<Problem>) {
 
 /// What each word of `steps` is, `None` for one that has no place in a reset; nothing if one of them is unusable.
 fn parts(steps: &[ResetStepFile], run: &RunFile) -> Option<Vec<Option<ResetPart>>> {
-    let stop = run.stop.value.as_ref()?.value;
-    let reset = run.reset.as_ref()?.value.as_ref()?.value;
-    let apart = run.places.named(OrderKind::Reset).map(|name| &name.value);
-    let clear = run.places.clear.as_ref().map(|clear| clear.value);
+    let stop = run.stop.word()?.value;
+    let reset = run.word(OrderKind::Reset)?.value;
+    let apart = run.named(OrderKind::Reset).map(|name| &name.value);
+    let clear = run.clear().map(|clear| clear.value);
     let part = |step: &ResetStepFile| {
         let word = step.value.as_ref()?.value;
         let name = match &step.register {
@@ -159,16 +152,16 @@ fn parts(steps: &[ResetStepFile], run: &RunFile) -> Option<Vec<Option<ResetPart>
 
 /// Only a reset in a register of its own is cleared there; elsewhere the stop clears it.
 fn reset_is_cleared(run: &RunFile, problems: &mut Vec<Problem>) {
-    let Some(clear) = &run.places.clear else {
+    let Some(clear) = run.clear() else {
         return;
     };
-    let Some(register) = run.places.named(OrderKind::Reset) else {
+    let Some(register) = run.named(OrderKind::Reset) else {
         let problem = clear
             .location
             .problem("only a register of the reset alone is cleared");
         return problems.push(problem.right("`register` beside it, or `reset_sequence`"));
     };
-    let is_same = |kind| run.places.named(kind).map(|name| &name.value) == Some(&register.value);
+    let is_same = |kind| run.named(kind).map(|name| &name.value) == Some(&register.value);
     if run
         .words()
         .any(|(kind, word)| is_same(kind) && word.value == clear.value)

@@ -35,7 +35,7 @@ fn forbidden_words_are_no_commands(run: &RunFile, problems: &mut Vec<Problem>) {
         },
     ) in run.never()
     {
-        let is_there = |kind| run.places.named(kind).map(|name| name.value.as_str()) == register;
+        let is_there = |kind| run.named(kind).map(|name| name.value.as_str()) == register;
         if let Some((_, word)) = run
             .words()
             .find(|(kind, word)| word.value == *never && is_there(*kind))

@@ -67,14 +67,10 @@ fn takes_an_order_that_must_be_answered(register: &RegisterFile, file: &ModelFil
     let Some(run) = file.run.valid().map(|run| &run.value) else {
         return false;
     };
-    let reset = run
-        .places
-        .named(OrderKind::Reset)
-        .map(|name| name.value.as_str());
-    let takes_another = OTHERS.into_iter().filter_map(|kind| run.places.named(kind));
+    let reset = run.named(OrderKind::Reset).map(|name| name.value.as_str());
+    let takes_another = OTHERS.into_iter().filter_map(|kind| run.named(kind));
     // The direction is written before the run command.
     let named = run
-        .places
         .names()
         .filter(|name| Some(name.value.as_str()) != reset);
     takes_another

@@ -14,19 +14,19 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     let Some(run) = file.run.valid().map(|run| &run.value) else {
         return;
     };
-    if let (Some(fact), true) = (&run.start.take_back, run.start.steps.is_empty())
+    if let (Some(fact), true) = (&run.take_back, run.start.is_empty())
         && let Some(word) = &fact.value
     {
         let problem = word.location.problem("there is no start to take back");
         problems.push(problem.right("`[[run.start]]`, or leave it out"));
     }
-    let Some(first) = run.start.steps.first() else {
+    let Some(first) = run.start.first() else {
         return;
     };
-    if run.start.steps.len() > STEPS_MAX {
+    if run.start.len() > STEPS_MAX {
         let problem = first
             .location
-            .problem(format!("a start of {} words", run.start.steps.len()));
+            .problem(format!("a start of {} words", run.start.len()));
         problems.push(problem.right(format!("at most {STEPS_MAX}")));
     }
     let shows_running = file.status.iter().any(|it| {
@@ -41,17 +41,17 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
         problems.push(problem.right("a `[[status]]` with the flag `running`"));
     }
     for kind in [OrderKind::Stop, OrderKind::Forward, OrderKind::Reverse] {
-        if let Some(name) = run.places.named(kind) {
+        if let Some(name) = run.named(kind) {
             let problem = name
                 .location
                 .problem("a start in several words goes to the register for run commands");
             problems.push(problem.right("leave it out, or `[[run.start]]`"));
         }
     }
-    for step in &run.start.steps {
+    for step in &run.start {
         step_can_be_seen(step, file, problems);
     }
-    for word in run.start.words() {
+    for word in run.start_words() {
         moves_nothing(word, run, problems);
     }
     turns_nothing_off(run, problems);
@@ -86,7 +86,7 @@ fn step_can_be_seen(step: &StartStepFile, file: &ModelFile, problems: &mut Vec<P
     if let Some(name) = &until.register {
         readable(name, &file.registers, problems);
     }
-    let (Some(mask), Some(values)) = (until.mask.or(u16::MAX), &until.values) else {
+    let (Some(mask), Some(values)) = (until.mask(), &until.values) else {
         return;
     };
     for LocatedValue { value, location } in
@@ -131,20 +131,15 @@ fn waits_by_time(step: &StartStepFile, problems: &mut Vec<Problem>) {
 fn turns_nothing_off(run: &RunFile, problems: &mut Vec<Problem>) {
     let is_shown = run
         .start
-        .steps
         .last()
         .is_some_and(|last| !matches!(last.until, OptionalKey::Absent));
     if is_shown {
         return;
     }
-    let Some(stop) = &run.stop.value else {
+    let Some(stop) = run.stop.word() else {
         return;
     };
-    let words = run
-        .start
-        .steps
-        .iter()
-        .filter_map(|step| step.write.as_ref());
+    let words = run.start.iter().filter_map(|step| step.write.as_ref());
     for word in words.filter(|word| word.value != stop.value) {
         let what = format!(
             "the word {} may cut off a motor that still ramps down",

@@ -31,7 +31,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
             }
             (Some(_) | None, _) => {}
         }
-        let (Some(value), Some(mask)) = (&state.value, state.mask.or(u16::MAX)) else {
+        let (Some(value), Some(mask)) = (&state.value, state.mask()) else {
             continue;
         };
         let word = value.value;

@@ -7,7 +7,7 @@ use crate::profile::model::{ClearWords, RegisterRole};
 use crate::profile::register::RegisterFile;
 use crate::profile::words::FLAGS;
 use crate::toml_file::words::word_for;
-use crate::toml_file::{LocatedValue, OptionalKey};
+use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey};
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     let flags = file.status.iter().filter_map(|status| status.flag.as_ref());
@@ -24,14 +24,18 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
         clear_is_documented(file, status, problems);
     }
     codes_differ(
-        &file.exceptions,
+        file.exceptions.iter().map(|it| &it.code),
         |code| format!("exception 0x{code:02X}"),
         problems,
     );
-    let (bits, codes): (Vec<_>, Vec<_>) = file.trips.iter().partition(|trip| trip.is_bit);
-    codes_differ(codes, |code| format!("trip {code}"), problems);
+    let (bits, codes): (Vec<_>, Vec<_>) = file.trips.iter().partition(|trip| trip.is_bit());
     codes_differ(
-        bits,
+        codes.iter().map(|trip| &trip.code),
+        |code| format!("trip {code}"),
+        problems,
+    );
+    codes_differ(
+        bits.iter().map(|trip| &trip.code),
         |code| format!("trip bit {}", code.saturating_sub(1)),
         problems,
     );
@@ -86,7 +90,7 @@ fn a_field_is_not_compared_whole(
 }
 
 fn values_fit_the_mask(status: &StatusFile, problems: &mut Vec<Problem>) {
-    let Some(mask) = status.mask.or(u16::MAX) else {
+    let Some(mask) = status.mask() else {
         return;
     };
     let clear = status.clear.valid().map(|clear| &clear.value);
@@ -149,7 +153,7 @@ pub(super) fn bits_are_there(
     };
     for code in of
         .iter()
-        .filter(|code| code.is_bit)
+        .filter(|code| code.is_bit())
         .filter_map(|code| code.code.as_ref())
     {
         if u32::from(code.value) > bits {
@@ -169,11 +173,11 @@ pub(super) fn bits_are_there(
 }
 
 pub(super) fn codes_differ<'f>(
-    codes: impl IntoIterator<Item = &'f CodeFile>,
+    codes: impl IntoIterator<Item = &'f RequiredKey<u16>>,
     called: impl Fn(&u16) -> String,
     problems: &mut Vec<Problem>,
 ) {
-    let numbers = codes.into_iter().filter_map(|code| code.code.as_ref());
+    let numbers = codes.into_iter().filter_map(Option::as_ref);
     once(
         numbers,
         called,
@@ -191,7 +195,7 @@ fn trips_have_a_register(file: &ModelFile, problems: &mut Vec<Problem>) {
             OptionalKey::Valid(role) => roles.contains(&role.value),
         })
     };
-    let first = |is_bit: bool| file.trips.iter().find(|trip| trip.is_bit == is_bit);
+    let first = |is_bit: bool| file.trips.iter().find(|trip| trip.is_bit() == is_bit);
     if let Some(trip) = first(false)
         && !has(&[RegisterRole::TripCode, RegisterRole::TripCause])
     {

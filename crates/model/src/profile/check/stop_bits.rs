@@ -7,7 +7,10 @@ use crate::profile::model::OrderKind;
 use crate::toml_file::LocatedValue;
 
 pub(super) fn check(run: &RunFile, problems: &mut Vec<Problem>) {
-    let (keep, drop) = (run.places.keep.as_ref(), run.places.drop.as_ref());
+    let Some(LocatedValue { value: order, .. }) = &run.stop.value else {
+        return;
+    };
+    let (keep, drop) = (order.keep.valid(), order.drop.valid());
     if run
         .form
         .as_ref()
@@ -39,7 +42,7 @@ pub(super) fn check(run: &RunFile, problems: &mut Vec<Problem>) {
         );
     }
     let Some(keep) = keep else { return };
-    if let Some(register) = run.places.named(OrderKind::Stop) {
+    if let Some(register) = run.named(OrderKind::Stop) {
         let what = format!(
             "the stop goes to {}, which holds no order to run",
             register.value
@@ -47,7 +50,7 @@ pub(super) fn check(run: &RunFile, problems: &mut Vec<Problem>) {
         problems.push(keep.location.problem(what).right("leave it out"));
         return;
     }
-    let Some(stop) = &run.stop.value else { return };
+    let Some(stop) = run.stop.word() else { return };
     let ordered = run
         .own_words()
         .filter(|(kind, _)| matches!(kind, OrderKind::Forward | OrderKind::Reverse));

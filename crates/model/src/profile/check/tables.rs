@@ -25,7 +25,7 @@ pub(super) fn are_served(
     let is_in = |table, may: fn(&RegisterFile) -> bool| {
         file.registers
             .iter()
-            .any(|register| register.in_table() == Some(table) && may(register))
+            .any(|register| register.table() == Some(table) && may(register))
     };
     let reads = |it: &RegisterFile| {
         it.access
@@ -78,7 +78,7 @@ fn of_bits(name: &str, registers: &[RegisterFile]) -> Option<DataTable> {
     let register = registers
         .iter()
         .find(|register| register.name() == Some(name))?;
-    register.in_table().filter(|table| table.is_of_bits())
+    register.table().filter(|table| table.is_of_bits())
 }
 
 /// The words and the mask of a condition on a bit.
@@ -143,7 +143,7 @@ fn conditions_are_of_bits(file: &ModelFile, problems: &mut Vec<Problem>) {
         .run
         .valid()
         .into_iter()
-        .flat_map(|run| &run.value.start.steps);
+        .flat_map(|run| &run.value.start);
     for until in steps
         .filter_map(|step| step.until.valid())
         .map(|until| &until.value)
@@ -193,14 +193,11 @@ fn orders_are_of_bits(run: &RunFile, registers: &[RegisterFile], problems: &mut 
         is_a_bit(name, None, words, registers, problems);
     };
     for (kind, word) in run.words() {
-        let named = run.places.named(kind).map(|name| name.value.as_str());
+        let named = run.named(kind).map(|name| name.value.as_str());
         takes(named.or(own), &mut std::iter::once(word));
     }
-    let reset = run
-        .places
-        .named(OrderKind::Reset)
-        .map(|name| name.value.as_str());
-    takes(reset, &mut run.places.clear.iter());
+    let reset = run.named(OrderKind::Reset).map(|name| name.value.as_str());
+    takes(reset, &mut run.clear().into_iter());
     for step in run
         .reset_sequence
         .valid()
@@ -210,16 +207,11 @@ fn orders_are_of_bits(run: &RunFile, registers: &[RegisterFile], problems: &mut 
         let named = step.register.valid().map(|name| name.value.as_str());
         takes(named.or(own), &mut step.value.iter());
     }
-    takes(own, &mut run.start.words());
+    takes(own, &mut run.start_words());
     for (name, word) in run.never() {
         takes(name.or(own), &mut std::iter::once(word));
     }
-    if let Some(direction) = run
-        .places
-        .direction
-        .as_ref()
-        .and_then(|fact| fact.value.as_ref())
-    {
+    if let Some(direction) = run.direction.as_ref().and_then(|fact| fact.value.as_ref()) {
         let name = direction
             .value
             .register

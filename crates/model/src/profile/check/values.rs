@@ -81,7 +81,7 @@ fn words_fit(register: &RegisterFile, file: &ModelFile, problems: &mut Vec<Probl
         }
         return;
     };
-    if matches!(form.word_order.0, OptionalKey::Absent) {
+    if matches!(form.word_order, OptionalKey::Absent) {
         tell(
             location,
             "the order of the two words is not stated",
@@ -227,7 +227,7 @@ fn pair_is_written_whole(register: &RegisterFile, file: &ModelFile, problems: &m
         .valid()
         .is_some_and(|scale| scale.value.per != 1);
     let is_setpoint = role(register) == Some(RegisterRole::FrequencyCommand);
-    let has_sign = is_setpoint && register.signed.or(false) == Some(true);
+    let has_sign = is_setpoint && register.signed() == Some(true);
     if has_sign || has_ratio || register.form.full_scale.valid().is_some() {
         let what = match is_setpoint {
             true => "a setpoint of two words is a number without a sign and with a plain scale",
@@ -361,7 +361,7 @@ fn sign_means_a_direction(register: &RegisterFile, problems: &mut Vec<Problem>) 
             problems,
         );
     }
-    if register.signed.or(false) == Some(false) {
+    if register.signed() == Some(false) {
         tell(
             &direction.location,
             "a number without a sign has no direction",
@@ -387,7 +387,7 @@ fn sign_in_doubt_is_read(register: &RegisterFile, problems: &mut Vec<Problem>) {
         .as_ref()
         .is_none_or(|access| access.value.can_read());
     let is_output = role(register) == Some(RegisterRole::OutputFrequency);
-    if is_read && register.signed.or(false) == Some(false) {
+    if is_read && register.signed() == Some(false) {
         let what = "a negative number would be shown as a large positive one";
         tell(
             &sign.location,
@@ -395,7 +395,7 @@ fn sign_in_doubt_is_read(register: &RegisterFile, problems: &mut Vec<Problem>) {
             "`signed = true`: below half of the range both readings agree",
             problems,
         );
-    } else if is_output && matches!(register.form.direction.0, OptionalKey::Absent) {
+    } else if is_output && matches!(register.form.direction, OptionalKey::Absent) {
         tell(
             &sign.location,
             "a negative output frequency is no magnitude",

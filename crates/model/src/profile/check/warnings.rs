@@ -8,10 +8,15 @@ use crate::profile::model::RegisterRole;
 use crate::toml_file::OptionalKey;
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
-    let (bits, codes): (Vec<_>, Vec<_>) = file.warnings.iter().partition(|warning| warning.is_bit);
-    codes_differ(codes, |code| format!("warning {code}"), problems);
+    let (bits, codes): (Vec<_>, Vec<_>) =
+        file.warnings.iter().partition(|warning| warning.is_bit());
     codes_differ(
-        bits,
+        codes.iter().map(|warning| &warning.code),
+        |code| format!("warning {code}"),
+        problems,
+    );
+    codes_differ(
+        bits.iter().map(|warning| &warning.code),
         |code| format!("warning bit {}", code.saturating_sub(1)),
         problems,
     );
@@ -43,7 +48,7 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     let first = |is_bit: bool| {
         file.warnings
             .iter()
-            .find(|warning| warning.is_bit == is_bit)
+            .find(|warning| warning.is_bit() == is_bit)
     };
     if code.is_none()
         && let Some(warning) = first(false)

@@ -1,20 +1,56 @@
 //! `[documents]`: the documents that facts cite.
 
-use super::facts::filled_with;
+use super::kinds::{optional_filled_list, values_of};
 use crate::domain::problem::Problem;
 use crate::profile::model::{Confidence, DocumentKind, ModelDocument};
 use crate::profile::words::DOCUMENT_KINDS;
+#[cfg(test)]
+use crate::toml_file::declare::{DeclaredKey, DeclaredTable, KeyForm};
+use crate::toml_file::declare::{declare_table, optional, required};
 use crate::toml_file::values::ValueKind;
 use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader, TomlEntry};
 use std::collections::BTreeSet;
 
+declare_table! {
+    /// A document whose facts may be less sure than those of a manual, or of other models.
+    DocumentFile is "documents.NAME" {
+        /// The title.
+        title: RequiredKey<String> = required(ValueKind::text());
+        /// What the document is. It decides how sure its facts may be.
+        kind: RequiredKey<DocumentKind> = required(ValueKind::one_of(&DOCUMENT_KINDS));
+        /// The models that it is about, this one by its `id`. What it says of others is `sibling` here.
+        of: OptionalKey<Vec<LocatedValue<String>>> = optional_filled_list(ValueKind::text()),
+            without "this model";
+        /// The short name of the document that it was made from: the two are no two sources.
+        made_from: OptionalKey<String> = optional(ValueKind::text()), without "not known";
+    }
+}
+
+impl DocumentFile {
+    /// The document called `name`; `None` if any part is unusable.
+    fn ready(&self, name: &str) -> Option<ModelDocument> {
+        Some(ModelDocument {
+            name: name.to_owned(),
+            title: self.title.as_ref()?.value.clone(),
+            kind: self.kind.as_ref()?.value,
+            of: match &self.of {
+                OptionalKey::Absent => Vec::new(),
+                OptionalKey::Invalid => return None,
+                OptionalKey::Valid(of) => values_of(&of.value),
+            },
+            made_from: self.made_from.clone().optional()?,
+        })
+    }
+}
+
 /// The documents of a file, each under its short name.
-pub(in crate::profile) struct DocumentsFile(Vec<(String, Option<ModelDocument>)>);
+#[derive(Clone, Debug, Default)]
+pub struct DocumentsFile(Vec<(String, Option<ModelDocument>)>);
 
 impl DocumentsFile {
     /// Reads `[documents]`: each short name maps to a title, for a manual of this very model, or to a table with further
     /// keys.
-    pub(in crate::profile) fn read(mut reader: TableReader<'_, '_>) -> Self {
+    pub fn read(mut reader: TableReader<'_, '_>) -> Self {
         let mut documents = Vec::new();
         let mut made_from = Vec::new();
         for (name, entry) in reader.entries(&ValueKind::text()) {
@@ -30,7 +66,11 @@ impl DocumentsFile {
                         made_from: None,
                     })
                 }
-                TomlEntry::Table(section) => document(&name, reader.open(section), &mut made_from),
+                TomlEntry::Table(section) => {
+                    let document = DocumentFile::read(reader.open(section));
+                    made_from.extend(document.made_from.valid().cloned());
+                    document.ready(&name)
+                }
             };
             documents.push((name, document));
         }
@@ -45,6 +85,27 @@ impl DocumentsFile {
             }
         }
         all
+    }
+
+    /// `[documents]` as it is declared.
+    #[cfg(test)]
+    pub(super) fn declared() -> DeclaredTable {
+        let title = KeyForm::of(ValueKind::text(), |_, _, _| ());
+        let right = format!("{}, or a table", title.valid.right);
+        DeclaredTable {
+            header: "[documents]",
+            says: "The documents that facts cite, each under a short name of your choice."
+                .to_owned(),
+            keys: vec![DeclaredKey {
+                name: "NAME",
+                valid: title.right(right).valid,
+                default: None,
+                has_valid_default: true,
+                about: "The title, of a manual of this very model; or a table with the keys below."
+                    .to_owned(),
+            }],
+            refused: &[],
+        }
     }
 
     /// Whether neither of two documents was made from the other, nor both from a third one.
@@ -98,7 +159,7 @@ impl DocumentsFile {
     }
 
     /// The document called `name`: `None` if there is none, `Some(None)` if it is unusable.
-    pub(in crate::profile) fn find(&self, name: &str) -> Option<Option<&ModelDocument>> {
+    pub fn find(&self, name: &str) -> Option<Option<&ModelDocument>> {
         self.0
             .iter()
             .find(|(it, _)| it == name)
@@ -116,38 +177,6 @@ impl DocumentsFile {
             .map(|(_, document)| document.clone())
             .collect()
     }
-}
-
-fn document(
-    name: &str,
-    mut reader: TableReader<'_, '_>,
-    all_from: &mut Vec<LocatedValue<String>>,
-) -> Option<ModelDocument> {
-    let title = reader.required("title", &ValueKind::text());
-    let kind: RequiredKey<DocumentKind> =
-        reader.required("kind", &ValueKind::one_of(&DOCUMENT_KINDS));
-    let of = match reader.list("of", &ValueKind::text()) {
-        OptionalKey::Valid(of) => filled_with(of, &ValueKind::text(), reader.problems())
-            .map_or(OptionalKey::Invalid, OptionalKey::Valid),
-        other => other,
-    };
-    let made_from = reader.optional("made_from", &ValueKind::text());
-    all_from.extend(made_from.valid().cloned());
-    reader.finish();
-    let made_from = made_from.optional()?;
-    let of = of
-        .optional()?
-        .unwrap_or_default()
-        .into_iter()
-        .map(|it| it.value)
-        .collect();
-    Some(ModelDocument {
-        name: name.to_owned(),
-        title: title?.value,
-        kind: kind?.value,
-        of,
-        made_from,
-    })
 }
 
 /// A description of `document`, and the best confidence it supports for facts of the model `id`.

@@ -1,57 +1,107 @@
 //! `[read]`, `[write]` and `[[barrier]]`: the limits of one exchange, and exchanges that rule out late replies.
 
-use super::facts::{FactFile, FactReader, Origin, fact, optional, whole};
+use super::facts::{FactFile, FactReader, Origin, fact, given};
+use super::kinds::function_code;
 use crate::domain::address::{Address, DataTable};
-use crate::domain::problem::Problem;
 use crate::profile::model::{
     Barrier, BarrierRead, BlockWrite, Fact, ReadArea, ReadBoundary, ReadHoles, ReadLimits,
     RefusedWrite, WriteRules,
 };
 use crate::profile::words::{BOUNDARIES, HOLES, REFUSED_WRITES, TABLES};
+use crate::toml_file::declare::{declare_table, optional, required, table, tables};
 use crate::toml_file::values::ValueKind;
-use crate::toml_file::{KeyLocation, OptionalKey, RequiredKey, TableReader};
+use crate::toml_file::{OptionalKey, RequiredKey, TableReader};
 
 /// Maximum number of words in one read.
-const READ_WORDS_MAX: u16 = 125;
+pub(super) const READ_WORDS_MAX: u16 = 125;
 /// Maximum number of registers in one write of function 10 hex.
-const BLOCK_WORDS_MAX: u16 = 123;
+pub(super) const BLOCK_WORDS_MAX: u16 = 123;
 
-/// `[read]`
-pub(in crate::profile) struct ReadFile {
-    pub max_words: FactFile<u16>,
-    pub max_words_ascii: Option<FactFile<u16>>,
-    pub max_bytes: Option<FactFile<u16>>,
-    boundary: OptionalKey<ReadBoundary>,
-    holes: Option<FactFile<ReadHoles>>,
-    pub areas: Vec<AreaFile>,
+declare_table! {
+    /// The limits of reads.
+    ReadFile is "[read]" with facts: &FactReader<'_> {
+        /// Most words in one read.
+        max_words: FactFile<u16> = facts.value(read_words());
+        /// Most words in one read by ASCII frames.
+        max_words_ascii: Option<FactFile<u16>> = facts.optional_value(read_words()),
+            without "as `max_words`";
+        /// The longest frame in bytes, if the manual limits frames instead of words.
+        max_bytes: Option<FactFile<u16>> = facts.optional_value(ValueKind::number(LEAST_FRAME..=256)),
+            without "not known";
+        /// A boundary that no read crosses: a change of the address's high byte.
+        boundary: OptionalKey<ReadBoundary> = optional(ValueKind::one_of(&BOUNDARIES)), without "none";
+        /// What a read of an address without a register shows.
+        holes: Option<FactFile<ReadHoles>> = facts.optional_value(ValueKind::one_of(&HOLES)),
+            without "`refused`";
+        areas as "area": Vec<AreaFile> = tables(|reader| AreaFile::read(facts, reader));
+    }
+}
+
+declare_table! {
+    /// Ranges of addresses with a limit of their own. No read crosses the edge of one. Rows are distinguished by `from`.
+    AreaFile is "[[read.area]]" with facts: &FactReader<'_> {
+        /// The table that the addresses are in.
+        table: OptionalKey<DataTable> = optional(ValueKind::one_of(&TABLES)),
+            or DataTable::Holding, without "`holding`";
+        /// The first address.
+        from: RequiredKey<u16> = required(ValueKind::address());
+        /// The last address.
+        to: RequiredKey<u16> = required(ValueKind::address());
+        /// Most words or bits in one read.
+        max_words: RequiredKey<u16> = required(read_words());
+        origin: Option<Origin> = facts.sources();
+    }
+}
+
+declare_table! {
+    /// How writes behave.
+    WriteFile is "[write]" with facts: &FactReader<'_> {
+        /// What a refused write looks like.
+        refused: FactFile<RefusedWrite> = facts.value(ValueKind::one_of(&REFUSED_WRITES));
+        /// Neighbouring registers that one frame of function 10 hex may write, or with `table = "coil"` neighbouring coils for one
+        /// of function 0F hex. If setpoint and run command are in it and the fact is proven, both are sent in one frame. Every
+        /// register in it is writable.
+        block: Option<FactFile<BlockFile>> =
+            facts.optional_parts(|reader| BlockFile::keys(BLOCK_WORDS_MAX, reader)),
+            without "one register in a frame";
+    }
+}
+
+declare_table! {
+    /// Consecutive registers: `{ address = 0x0101, count = 2 }`
+    BlockFile is "write.block" with most: u16 {
+        /// The table that it is in.
+        table: OptionalKey<DataTable> = optional(ValueKind::one_of(&TABLES)),
+            or DataTable::Holding, without "`holding`";
+        /// The first register.
+        address: RequiredKey<u16> = required(ValueKind::address());
+        /// How many registers there are from it on.
+        count: RequiredKey<u16> = required(ValueKind::number(1..=most));
+    }
+}
+
+declare_table! {
+    /// Exchanges after which no late reply to an earlier request can follow, best first. A row has exactly one of these keys.
+    BarrierFile is "[[barrier]]" at location with facts: &FactReader<'_> {
+        /// A read. It proves something if its length differs from that of the read whose reply is missing, so two of different
+        /// lengths are better than one. All its registers are readable.
+        read: OptionalKey<BlockFile> = table(|reader| BlockFile::read(READ_WORDS_MAX, reader));
+        /// The drive answers function 08, subfunction 0, with the data of the request: `loop_test = { confidence = ..., source =
+        /// ... }`. `functions` lists `0x08`.
+        loop_test: Option<FactFile<()>> = facts.switch();
+        /// A function that the drive does not serve and refuses with exception 01. It is tried before it is relied on.
+        refused as "refused_function": Option<FactFile<u8>> = facts.optional_value(function_code());
+    }
+}
+
+fn read_words() -> ValueKind<'static, u16> {
+    ValueKind::number(1..=READ_WORDS_MAX)
 }
 
 impl ReadFile {
-    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
-        let words = ValueKind::number(1..=READ_WORDS_MAX);
-        let read = Self {
-            max_words: facts.value(&mut reader, "max_words", &words),
-            max_words_ascii: facts.optional_value(&mut reader, "max_words_ascii", &words),
-            max_bytes: facts.optional_value(
-                &mut reader,
-                "max_bytes",
-                &ValueKind::number(LEAST_FRAME..=256_u16),
-            ),
-            boundary: reader.optional("boundary", &ValueKind::one_of(&BOUNDARIES)),
-            holes: facts.optional_value(&mut reader, "holes", &ValueKind::one_of(&HOLES)),
-            areas: reader
-                .tables("area")
-                .into_iter()
-                .map(|it| AreaFile::read(facts, reader.open(it)))
-                .collect(),
-        };
-        reader.finish();
-        read
-    }
-
     /// `None` if any part is unusable.
     pub fn ready(&self) -> Option<ReadLimits> {
-        let max_bytes = optional(self.max_bytes.as_ref())?;
+        let max_bytes = given(&self.max_bytes)?;
         // A frame that is too long is refused whatever it reads.
         let fitting = max_bytes.as_ref().map(|bytes| Fact {
             value: words_in(bytes.value),
@@ -72,10 +122,10 @@ impl ReadFile {
         }
         Some(ReadLimits {
             max_words: within(self.max_words.ready()?),
-            max_words_ascii: optional(self.max_words_ascii.as_ref())?,
+            max_words_ascii: given(&self.max_words_ascii)?,
             max_bytes,
             boundary: self.boundary.clone().optional()?,
-            holes: optional(self.holes.as_ref())?,
+            holes: given(&self.holes)?,
             areas,
         })
     }
@@ -96,32 +146,11 @@ const fn words_in(bytes: u16) -> u16 {
     }
 }
 
-/// One of `[[read.area]]`
-pub(in crate::profile) struct AreaFile {
-    pub table: OptionalKey<DataTable>,
-    pub from: RequiredKey<u16>,
-    pub to: RequiredKey<u16>,
-    max_words: RequiredKey<u16>,
-    origin: Option<Origin>,
-}
-
 impl AreaFile {
-    fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
-        let area = Self {
-            table: reader.optional("table", &ValueKind::one_of(&TABLES)),
-            from: reader.required("from", &ValueKind::address()),
-            to: reader.required("to", &ValueKind::address()),
-            max_words: reader.required("max_words", &ValueKind::number(1..=READ_WORDS_MAX)),
-            origin: facts.origin(&mut reader),
-        };
-        reader.finish();
-        area
-    }
-
     /// `None` if any part is unusable.
     fn ready(&self) -> Option<ReadArea> {
         Some(ReadArea {
-            table: self.table.or(DataTable::Holding)?,
+            table: self.table()?,
             from: self.from.as_ref()?.value,
             to: self.to.as_ref()?.value,
             max_words: fact(self.max_words.as_ref()?.value, self.origin.as_ref())?,
@@ -129,25 +158,7 @@ impl AreaFile {
     }
 }
 
-/// `[write]`
-pub(in crate::profile) struct WriteFile {
-    pub refused: FactFile<RefusedWrite>,
-    pub block: Option<FactFile<BlockFile>>,
-}
-
 impl WriteFile {
-    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
-        let block = |reader: &mut TableReader<'_, '_>| {
-            whole(reader, |reader| BlockFile::read(reader, BLOCK_WORDS_MAX))
-        };
-        let write = Self {
-            refused: facts.value(&mut reader, "refused", &ValueKind::one_of(&REFUSED_WRITES)),
-            block: facts.optional(&mut reader, "block", block),
-        };
-        reader.finish();
-        write
-    }
-
     /// `None` if any part is unusable.
     pub(super) fn ready(&self) -> Option<WriteRules> {
         let block = match &self.block {
@@ -164,82 +175,56 @@ impl WriteFile {
     }
 }
 
-/// Consecutive registers: `{ address = 0x0101, count = 2 }`
-pub(in crate::profile) struct BlockFile {
-    pub table: OptionalKey<DataTable>,
-    pub address: RequiredKey<u16>,
-    pub count: RequiredKey<u16>,
-}
-
 impl BlockFile {
-    fn read(reader: &mut TableReader<'_, '_>, most: u16) -> Self {
-        Self {
-            table: reader.optional("table", &ValueKind::one_of(&TABLES)),
-            address: reader.required("address", &ValueKind::address()),
-            count: reader.required("count", &ValueKind::number(1..=most)),
-        }
-    }
-
     /// The first address; `None` if it is unusable.
     pub fn first(&self) -> Option<Address> {
-        Some(Address::new(
-            self.table.or(DataTable::Holding)?,
-            self.address.as_ref()?.value,
-        ))
+        Some(Address::new(self.table()?, self.address.as_ref()?.value))
     }
-}
-
-/// One of `[[barrier]]`
-pub(in crate::profile) struct BarrierFile {
-    pub location: KeyLocation,
-    /// `None` if it has no valid form, which is already reported.
-    pub form: Option<BarrierForm>,
 }
 
 /// A barrier by its form.
-pub(in crate::profile) enum BarrierForm {
-    Read(BlockFile),
-    LoopTest(FactFile<()>),
-    Refused(FactFile<u8>),
+pub enum BarrierForm<'f> {
+    Read(&'f BlockFile),
+    LoopTest(&'f FactFile<()>),
+    Refused(&'f FactFile<u8>),
 }
 
 impl BarrierFile {
-    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
-        let read = match reader.table("read") {
-            OptionalKey::Absent => None,
-            OptionalKey::Invalid => Some(BlockFile {
-                table: OptionalKey::Invalid,
-                address: None,
-                count: None,
-            }),
-            OptionalKey::Valid(section) => {
-                let mut reader = reader.open(section.value);
-                let block = BlockFile::read(&mut reader, 125);
-                reader.finish();
-                Some(block)
-            }
+    /// Reads a barrier, which has one form.
+    pub(super) fn of(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
+        let barrier = Self::keys(facts, &mut reader);
+        let forms = [
+            !matches!(barrier.read, OptionalKey::Absent),
+            barrier.loop_test.is_some(),
+            barrier.refused.is_some(),
+        ];
+        let what = match forms.iter().filter(|is_given| **is_given).count() {
+            0 => Some("is not a barrier"),
+            1 => None,
+            _ => Some("has more than one form"),
         };
-        let loop_test = facts.switch(&mut reader, "loop_test");
-        let refused = facts.optional_value(
-            &mut reader,
-            "refused_function",
-            &ValueKind::number(1..=127_u8),
-        );
-        let location = reader.location().clone();
-        let form = match (read, loop_test, refused) {
-            (Some(read), None, None) => Some(BarrierForm::Read(read)),
-            (None, Some(fact), None) => Some(BarrierForm::LoopTest(fact)),
-            (None, None, Some(fact)) => Some(BarrierForm::Refused(fact)),
-            (None, None, None) => no_form(&location, "is not a barrier", reader.problems()),
-            _ => no_form(&location, "has more than one form", reader.problems()),
-        };
+        if let Some(what) = what {
+            let problem = barrier.location.problem(what);
+            let right = "exactly one of `read`, `loop_test` and `refused_function`";
+            reader.problems().push(problem.right(right));
+        }
         reader.finish();
-        Self { location, form }
+        barrier
+    }
+
+    /// Its form; `None` if it has no usable one.
+    pub fn form(&self) -> Option<BarrierForm<'_>> {
+        match (&self.read, &self.loop_test, &self.refused) {
+            (OptionalKey::Valid(read), None, None) => Some(BarrierForm::Read(&read.value)),
+            (OptionalKey::Absent, Some(fact), None) => Some(BarrierForm::LoopTest(fact)),
+            (OptionalKey::Absent, None, Some(fact)) => Some(BarrierForm::Refused(fact)),
+            _ => None,
+        }
     }
 
     /// `None` if any part is unusable.
     pub(super) fn ready(&self) -> Option<Barrier> {
-        Some(match self.form.as_ref()? {
+        Some(match self.form()? {
             BarrierForm::Read(block) => Barrier::Read(BarrierRead {
                 address: block.first()?,
                 count: block.count.as_ref()?.value,
@@ -248,13 +233,4 @@ impl BarrierFile {
             BarrierForm::Refused(function) => Barrier::Refused(function.ready()?),
         })
     }
-}
-
-fn no_form(location: &KeyLocation, what: &str, problems: &mut Vec<Problem>) -> Option<BarrierForm> {
-    problems.push(
-        location
-            .problem(what)
-            .right("exactly one of `read`, `loop_test` and `refused_function`"),
-    );
-    None
 }

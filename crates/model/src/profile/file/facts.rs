@@ -1,30 +1,38 @@
 //! Facts: a value with its confidence and its source.
 
 use super::documents::{DocumentsFile, at_best};
+use super::kinds::{filled, filled_list, values_of};
 use crate::domain::problem::Problem;
 use crate::profile::like::row_of;
 use crate::profile::model::{Confidence, Fact, ModelDocument, SecondSource};
 use crate::profile::words::CONFIDENCES;
+use crate::toml_file::declare::{KeyForm, declare_table, no_key, optional, required};
 use crate::toml_file::values::ValueKind;
 use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader, TomlSection};
 use std::cell::RefCell;
 
 /// Confidence and source of a fact.
-pub(in crate::profile) type Origin = (Confidence, String);
+pub type Origin = (Confidence, String);
 
 /// A fact as written: a table with the value, its confidence and its source. Parts that are `None` are already
 /// reported.
-pub(in crate::profile) struct FactFile<T> {
+#[derive(Clone, Debug)]
+pub struct FactFile<T> {
     pub value: RequiredKey<T>,
     pub origin: Option<Origin>,
 }
 
-impl<T> FactFile<T> {
-    const UNUSABLE: Self = Self {
-        value: None,
-        origin: None,
-    };
+impl<T> Default for FactFile<T> {
+    /// A fact without any usable part.
+    fn default() -> Self {
+        Self {
+            value: None,
+            origin: None,
+        }
+    }
+}
 
+impl<T> FactFile<T> {
     /// The fact with its value converted by `make`; `None` if any part is unusable.
     pub fn and_then<U>(&self, make: impl FnOnce(&T) -> Option<U>) -> Option<Fact<U>> {
         fact(make(&self.value.as_ref()?.value)?, self.origin.as_ref())
@@ -49,12 +57,38 @@ pub(super) fn fact<T>(value: T, origin: Option<&Origin>) -> Option<Fact<T>> {
 }
 
 /// `Some(None)` if the fact is left out; `None` if it is unusable.
-pub(super) fn optional<T: Clone>(fact: Option<&FactFile<T>>) -> Option<Option<Fact<T>>> {
-    fact.map_or(Some(None), |fact| fact.ready().map(Some))
+pub(super) fn given<T: Clone>(fact: &Option<FactFile<T>>) -> Option<Option<Fact<T>>> {
+    match fact {
+        None => Some(None),
+        Some(fact) => fact.ready().map(Some),
+    }
 }
 
+declare_table! {
+    /// A fact is a table that says where its content comes from: `{ value = 3.5, confidence = "manual", source = "UM 9.2" }`. The
+    /// tables below say which of them are facts; each row of a list of facts is one.
+    SourcesFile is "[fact]" {
+        /// How sure the fact is; no better than the document of its source allows.
+        confidence: RequiredKey<Confidence> = required(ValueKind::one_of(&CONFIDENCES));
+        /// The short name of a document of `[documents]`, a space, and the place in it. With `default`: the reason.
+        source: RequiredKey<String> = required(ValueKind::parsed(
+            "a document's short name and a place in it, or the reason for a default",
+            filled,
+        ));
+        /// A second, independent source: a place in another document, neither of which was made from the other. It makes the
+        /// fact no surer; `check --verbose` and `models check` say which of stop, forward and setpoint have one.
+        also: OptionalKey<String> =
+            optional(ValueKind::parsed("another document's short name and a place in it", filled)),
+            without "none";
+    }
+}
+
+/// What is valid for a fact.
+pub const FACT: &str = "a fact";
+
 /// Reads facts; checks that each cites a document, and claims no more confidence than the document supports.
-pub(super) struct FactReader<'d> {
+#[derive(Clone, Copy)]
+pub struct FactReader<'d> {
     /// `None`: the documents are unusable, so sources cannot be checked.
     pub documents: Option<&'d DocumentsFile>,
     /// The model's identifier, if usable: what a document proves depends on which models it covers.
@@ -69,77 +103,98 @@ pub(super) struct FactReader<'d> {
 }
 
 impl FactReader<'_> {
-    /// The fact `key`, with its value under `value`.
-    pub fn value<T>(
-        &self,
-        reader: &mut TableReader<'_, '_>,
-        key: &'static str,
-        kind: &ValueKind<'_, T>,
-    ) -> FactFile<T> {
-        self.needed(reader, key, |reader| reader.required("value", kind))
-    }
-
-    /// The fact `key`, with its value under `value`; `None` if it is left out.
-    pub fn optional_value<T>(
-        &self,
-        reader: &mut TableReader<'_, '_>,
-        key: &'static str,
-        kind: &ValueKind<'_, T>,
-    ) -> Option<FactFile<T>> {
-        self.optional(reader, key, |reader| reader.required("value", kind))
-    }
-
-    /// The fact `key`, whose presence is its only content; `None` if it is left out.
-    pub fn switch(
-        &self,
-        reader: &mut TableReader<'_, '_>,
-        key: &'static str,
-    ) -> Option<FactFile<()>> {
-        self.optional(reader, key, |reader| whole(reader, |_| ()))
-    }
-
-    /// The fact `key`, whose value is a list under `value`.
-    pub fn list<T>(
-        &self,
-        reader: &mut TableReader<'_, '_>,
-        key: &'static str,
-        kind: &ValueKind<'_, T>,
-    ) -> FactFile<Vec<T>> {
-        self.needed(reader, key, |reader| filled_list(reader, "value", kind))
-    }
-
-    /// The fact `key`; `value` reads its value from the table.
-    pub fn needed<T>(
-        &self,
-        reader: &mut TableReader<'_, '_>,
-        key: &'static str,
-        value: impl FnOnce(&mut TableReader<'_, '_>) -> RequiredKey<T>,
-    ) -> FactFile<T> {
-        match reader.required_table(key) {
-            None => FactFile::UNUSABLE,
-            Some(section) => self.fact(reader.open(section), value),
+    /// A reader of facts that may be defaults.
+    pub fn with_defaults(&self) -> Self {
+        Self {
+            defaults: true,
+            ..*self
         }
     }
 
-    /// Like [`Self::needed`]; `None` if it is left out.
-    pub fn optional<T>(
-        &self,
-        reader: &mut TableReader<'_, '_>,
-        key: &'static str,
-        value: impl FnOnce(&mut TableReader<'_, '_>) -> RequiredKey<T>,
-    ) -> Option<FactFile<T>> {
-        match reader.table(key) {
+    /// A fact with its value under `value`.
+    pub fn value<'k, T: 'k>(&'k self, kind: ValueKind<'k, T>) -> KeyForm<'k, FactFile<T>> {
+        self.under_value(required(kind))
+    }
+
+    /// A fact whose value is a list under `value`.
+    pub fn list<'k, T: Clone + 'k>(
+        &'k self,
+        kind: ValueKind<'k, T>,
+    ) -> KeyForm<'k, FactFile<Vec<T>>> {
+        let plain = |list: LocatedValue<Vec<LocatedValue<T>>>| LocatedValue {
+            value: values_of(&list.value),
+            location: list.location,
+        };
+        self.under_value(filled_list(kind).map(move |list| list.map(plain)))
+    }
+
+    fn under_value<'k, T: 'k>(
+        &'k self,
+        form: KeyForm<'k, RequiredKey<T>>,
+    ) -> KeyForm<'k, FactFile<T>> {
+        let right = format!("{FACT}: {}", form.valid.right);
+        self.needed(move |reader| form.read(reader, "value"))
+            .right(right)
+    }
+
+    /// A fact with its value under `value`, which may be left out.
+    pub fn optional_value<'k, T: 'k>(
+        &'k self,
+        kind: ValueKind<'k, T>,
+    ) -> KeyForm<'k, Option<FactFile<T>>> {
+        let right = format!("{FACT}: {}", kind.right());
+        self.optional(move |reader| reader.required("value", &kind))
+            .right(right)
+    }
+
+    /// A fact whose presence is its only content.
+    pub fn switch(&self) -> KeyForm<'_, Option<FactFile<()>>> {
+        self.optional_parts(|_| ())
+    }
+
+    /// A fact with several keys beside its sources, read by `keys`.
+    pub fn parts<'k, T: 'k>(
+        &'k self,
+        keys: impl Fn(&mut TableReader<'_, '_>) -> T + 'k,
+    ) -> KeyForm<'k, FactFile<T>> {
+        self.needed(move |reader| whole(reader, &keys))
+    }
+
+    /// A fact with several keys beside its sources, read by `keys`, which may be left out.
+    pub fn optional_parts<'k, T: 'k>(
+        &'k self,
+        keys: impl Fn(&mut TableReader<'_, '_>) -> T + 'k,
+    ) -> KeyForm<'k, Option<FactFile<T>>> {
+        self.optional(move |reader| whole(reader, &keys))
+    }
+
+    fn needed<'k, T: 'k>(
+        &'k self,
+        value: impl Fn(&mut TableReader<'_, '_>) -> RequiredKey<T> + 'k,
+    ) -> KeyForm<'k, FactFile<T>> {
+        let form = KeyForm::new(FACT, move |reader, key| match reader.required_table(key) {
+            None => FactFile::default(),
+            Some(section) => self.fact(reader.open(section), &value),
+        });
+        form.needed()
+    }
+
+    fn optional<'k, T: 'k>(
+        &'k self,
+        value: impl Fn(&mut TableReader<'_, '_>) -> RequiredKey<T> + 'k,
+    ) -> KeyForm<'k, Option<FactFile<T>>> {
+        KeyForm::new(FACT, move |reader, key| match reader.table(key) {
             OptionalKey::Absent => None,
-            OptionalKey::Invalid => Some(FactFile::UNUSABLE),
-            OptionalKey::Valid(section) => Some(self.fact(reader.open(section.value), value)),
-        }
+            OptionalKey::Invalid => Some(FactFile::default()),
+            OptionalKey::Valid(section) => Some(self.fact(reader.open(section.value), &value)),
+        })
     }
 
     /// The fact that `reader` holds; `value` reads its value.
-    pub fn fact<T>(
+    fn fact<T>(
         &self,
         mut reader: TableReader<'_, '_>,
-        value: impl FnOnce(&mut TableReader<'_, '_>) -> RequiredKey<T>,
+        value: impl Fn(&mut TableReader<'_, '_>) -> RequiredKey<T>,
     ) -> FactFile<T> {
         let fact = FactFile {
             value: value(&mut reader),
@@ -149,15 +204,17 @@ impl FactReader<'_> {
         fact
     }
 
-    /// The keys `confidence` and `source`, which every fact and register has, and `also`, which it may have.
-    pub fn origin(&self, reader: &mut TableReader<'_, '_>) -> Option<Origin> {
-        let confidence = reader.required("confidence", &ValueKind::one_of(&CONFIDENCES));
-        let right = "a document's short name and a place in it, or the reason for a default";
-        let source = reader.required("source", &ValueKind::parsed(right, filled));
-        let also = reader.optional(
-            "also",
-            &ValueKind::parsed("another document's short name and a place in it", filled),
-        );
+    /// The keys `confidence`, `source` and `also` of a table that is a fact.
+    pub fn sources(&self) -> KeyForm<'_, Option<Origin>> {
+        no_key(move |reader| self.origin(reader))
+    }
+
+    fn origin(&self, reader: &mut TableReader<'_, '_>) -> Option<Origin> {
+        let SourcesFile {
+            confidence,
+            source,
+            also,
+        } = SourcesFile::keys(reader);
         if let (Some(source), Some(also)) = (&source, also.valid())
             && self.is_second(source, also, confidence.as_ref(), reader.problems())
         {
@@ -294,8 +351,8 @@ fn key_of(section: &TomlSection<'_>) -> String {
     row.unwrap_or_else(|| key.clone())
 }
 
-/// A value with several parts beside confidence and source, at the location of its table.
-pub(super) fn whole<T>(
+/// A value with several keys, at the location of its table.
+fn whole<T>(
     reader: &mut TableReader<'_, '_>,
     parts: impl FnOnce(&mut TableReader<'_, '_>) -> T,
 ) -> RequiredKey<T> {
@@ -304,42 +361,4 @@ pub(super) fn whole<T>(
         value,
         location: reader.location().clone(),
     })
-}
-
-/// A list with at least one element.
-pub(super) fn filled_list<T>(
-    reader: &mut TableReader<'_, '_>,
-    key: &'static str,
-    kind: &ValueKind<'_, T>,
-) -> RequiredKey<Vec<T>> {
-    let list = reader.required_list(key, kind)?;
-    let LocatedValue {
-        value: list,
-        location,
-    } = filled_with(list, kind, reader.problems())?;
-    Some(LocatedValue {
-        value: list.into_iter().map(|written| written.value).collect(),
-        location,
-    })
-}
-
-/// `list` if it has at least one element.
-pub(super) fn filled_with<T>(
-    list: LocatedValue<Vec<LocatedValue<T>>>,
-    kind: &ValueKind<'_, T>,
-    problems: &mut Vec<Problem>,
-) -> RequiredKey<Vec<LocatedValue<T>>> {
-    if list.value.is_empty() {
-        problems.push(
-            list.location
-                .problem("is empty")
-                .right(format!("at least {}", kind.right())),
-        );
-        return None;
-    }
-    Some(list)
-}
-
-pub(super) fn filled(text: &str) -> Option<String> {
-    Some(text.trim().to_owned()).filter(|text| !text.is_empty())
 }

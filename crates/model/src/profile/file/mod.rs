@@ -3,9 +3,12 @@
 
 mod codes;
 mod commit;
+#[cfg(test)]
+mod declared;
 mod documents;
 mod exchange;
 mod facts;
+mod kinds;
 mod link;
 mod orders;
 mod quirks;
@@ -19,127 +22,139 @@ mod status;
 
 pub(super) use codes::CodesFile;
 pub(super) use commit::{CommitFile, CommitWordFile};
+#[cfg(test)]
+pub(super) use declared::{declared, meanings};
 pub(super) use documents::DocumentsFile;
 pub(super) use exchange::{BarrierFile, BarrierForm, BlockFile, ReadFile, WriteFile};
-pub(super) use facts::{FactFile, Origin};
+pub(super) use facts::{FactFile, FactReader, Origin};
 pub(super) use link::{LinkFile, TimingFile};
-pub(super) use orders::PlacesFile;
 pub(super) use quirks::{AliasFile, QuirksFile};
 pub(super) use reset::ResetStepFile;
 pub(super) use run::{FormWord, RunFile};
 pub(super) use run_word::FieldFile;
 pub(super) use setup::{IdentityFile, SetupFile, WatchdogFile};
 pub(super) use start::StartStepFile;
-pub(super) use status::{CodeFile, StatusFile};
+pub(super) use status::{CodeFile, ExceptionFile, StatusFile};
 
 use super::like::LikeFile;
 use super::model::{
-    DriveQuirks, Model, ModelIdentity, ModelWatchdog, PollClass, Register, SecondSource, SetupItem,
+    DriveQuirks, Model, ModelDocument, ModelIdentity, ModelWatchdog, PollClass, Register,
+    SecondSource, SetupItem,
 };
-use super::register::RegisterFile;
+use super::register::{RegisterFile, RegisterSource};
 use crate::domain::problem::Problem;
+use crate::toml_file::declare::{KeyForm, declare_table, required, required_table, table, tables};
 use crate::toml_file::values::ValueKind;
-use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader, TomlSection};
-use facts::FactReader;
+use crate::toml_file::{OptionalKey, RequiredKey, TableReader, TomlSection};
+use kinds::function_code;
 use std::cell::RefCell;
 
-/// A model file.
-pub(super) struct ModelFile {
-    pub id: RequiredKey<String>,
-    vendor: RequiredKey<String>,
-    title: RequiredKey<String>,
-    documents: Option<DocumentsFile>,
-    second: Vec<SecondSource>,
-    pub link: Option<LinkFile>,
-    pub timing: Option<TimingFile>,
-    pub functions: FactFile<Vec<u8>>,
-    pub read: Option<ReadFile>,
-    pub write: Option<WriteFile>,
-    pub exceptions: Vec<CodeFile>,
-    pub quirks: OptionalKey<QuirksFile>,
-    pub barriers: Vec<BarrierFile>,
-    pub run: OptionalKey<RunFile>,
-    pub status: Vec<StatusFile>,
-    pub trips: Vec<CodeFile>,
-    pub warnings: Vec<CodeFile>,
-    pub commit: OptionalKey<CommitFile>,
-    pub setup: Vec<SetupFile>,
-    pub identity: OptionalKey<IdentityFile>,
-    pub watchdog: OptionalKey<WatchdogFile>,
-    pub codes: OptionalKey<CodesFile>,
-    pub registers: Vec<RegisterFile>,
+declare_table! {
+    /// What is known before facts are read: the documents that they cite, and of which model they are.
+    HeadFile is "" {
+        documents: Option<DocumentsFile> = required_table(DocumentsFile::read);
+        /// The name of the model, `vendor-model`; what `model = ` says in a configuration.
+        id: RequiredKey<String> = required(ValueKind::parsed(
+            "`vendor-model`: a to z and 0 to 9 between single dashes",
+            id,
+        ));
+    }
 }
 
-impl ModelFile {
+declare_table! {
+    /// These keys come before the first table.
+    ModelFile is "" with facts: &FactReader<'_> {
+        codes: OptionalKey<CodesFile> = table(|reader| CodesFile::of(facts, reader));
+        /// The maker's name.
+        vendor: RequiredKey<String> = required(ValueKind::text());
+        /// The product's name.
+        title: RequiredKey<String> = required(ValueKind::text());
+        link: Option<LinkFile> = required_table(|reader| LinkFile::read(facts, reader));
+        timing: Option<TimingFile> =
+            required_table(|reader| TimingFile::read(&facts.with_defaults(), reader));
+        /// The function codes that the drive serves, in decimal or as `0x10`.
+        functions: FactFile<Vec<u8>> = facts.list(function_code());
+        read: Option<ReadFile> = required_table(|reader| ReadFile::read(facts, reader));
+        write: Option<WriteFile> = required_table(|reader| WriteFile::read(facts, reader));
+        exceptions as "exception": Vec<ExceptionFile> =
+            tables(|reader| ExceptionFile::read(facts, reader));
+        quirks: OptionalKey<QuirksFile> = table(|reader| QuirksFile::read(facts, reader));
+        barriers as "barrier": Vec<BarrierFile> = tables(|reader| BarrierFile::of(facts, reader));
+        run: OptionalKey<RunFile> = table(|reader| RunFile::read(facts, reader));
+        status: Vec<StatusFile> = tables(|reader| StatusFile::read(facts, reader));
+        trips as "trip": Vec<CodeFile> = tables(|reader| CodeFile::read(facts, reader));
+        warnings as "warning": Vec<CodeFile> = tables(|reader| CodeFile::read(facts, reader));
+        commit: OptionalKey<CommitFile> = table(|reader| CommitFile::read(facts, reader));
+        setup: Vec<SetupFile> = tables(|reader| SetupFile::read(facts, reader));
+        identity: OptionalKey<IdentityFile> = table(|reader| IdentityFile::read(facts, reader));
+        watchdog: OptionalKey<WatchdogFile> = table(|reader| WatchdogFile::read(facts, reader));
+        registers as "register" after codes: Vec<RegisterFile> = registers(facts, codes);
+    }
+}
+
+/// `[[register]]`, whose addresses may follow from `codes`.
+fn registers<'k>(
+    facts: &'k FactReader<'_>,
+    codes: &OptionalKey<CodesFile>,
+) -> KeyForm<'k, Vec<RegisterFile>> {
+    let rule = codes.valid().and_then(|codes| codes.value.ready());
+    tables(move |reader| {
+        let rule = rule.as_ref();
+        RegisterFile::of(&RegisterSource::Model { facts, rule }, reader)
+    })
+}
+
+/// A model file with what its facts rest on.
+pub(super) struct WrittenModel {
+    pub head: HeadFile,
+    second: Vec<SecondSource>,
+    pub file: ModelFile,
+}
+
+impl WrittenModel {
     /// Reads the outermost table of a model file.
     pub fn read(section: TomlSection<'_>, problems: &mut Vec<Problem>) -> Self {
         let mut reader = TableReader::new(section, problems);
-        let documents = reader
-            .required_table("documents")
-            .map(|it| DocumentsFile::read(reader.open(it)));
-        let id = reader.required(
-            "id",
-            &ValueKind::parsed(
-                "`vendor-model`: a to z and 0 to 9 between single dashes",
-                id,
-            ),
-        );
-        let of = id.as_ref().map(|id| id.value.clone());
-        // They are known keys; `like::Whole` has applied them and taken them out.
-        LikeFile::read(&mut reader);
-        let second = RefCell::new(Vec::new());
-        let without_document = RefCell::new(Vec::new());
-        let proven = &FactReader {
-            documents: documents.as_ref(),
-            model: of.as_deref(),
+        let head = HeadFile::keys(&mut reader);
+        // They are known keys; `like::WholeFile` has applied them and taken them out.
+        LikeFile::keys(&mut reader);
+        let (second, without_document) = <(RefCell<_>, RefCell<_>)>::default();
+        let facts = FactReader {
+            documents: head.documents.as_ref(),
+            model: head.id.as_ref().map(|id| id.value.as_str()),
             defaults: false,
             second: &second,
             without_document: &without_document,
         };
-        let chosen = &FactReader {
-            defaults: true,
-            ..*proven
-        };
-        let codes = given(&mut reader, "codes", proven, CodesFile::read);
-        let rule = codes.valid().and_then(|codes| codes.value.ready());
-        let file = Self {
-            id,
-            vendor: reader.required("vendor", &ValueKind::text()),
-            title: reader.required("title", &ValueKind::text()),
-            link: needed(&mut reader, "link", proven, LinkFile::read),
-            timing: needed(&mut reader, "timing", chosen, TimingFile::read),
-            functions: proven.list(&mut reader, "functions", &ValueKind::number(1..=127_u8)),
-            read: needed(&mut reader, "read", proven, ReadFile::read),
-            write: needed(&mut reader, "write", proven, WriteFile::read),
-            exceptions: all(&mut reader, "exception", proven, CodeFile::read_exception),
-            quirks: given(&mut reader, "quirks", proven, QuirksFile::read),
-            barriers: all(&mut reader, "barrier", proven, BarrierFile::read),
-            run: given(&mut reader, "run", proven, RunFile::read),
-            status: all(&mut reader, "status", proven, StatusFile::read),
-            trips: all(&mut reader, "trip", proven, CodeFile::read_code_or_bit),
-            warnings: all(&mut reader, "warning", proven, CodeFile::read_code_or_bit),
-            commit: given(&mut reader, "commit", proven, CommitFile::read),
-            setup: all(&mut reader, "setup", proven, SetupFile::read),
-            identity: given(&mut reader, "identity", proven, IdentityFile::read),
-            watchdog: given(&mut reader, "watchdog", proven, WatchdogFile::read),
-            codes,
-            registers: all(&mut reader, "register", proven, |proven, mut reader| {
-                let origin = proven.origin(&mut reader);
-                RegisterFile::of_model(reader, origin, rule.as_ref())
-            }),
-            // After everything that has sources.
-            second: second.take(),
-            documents,
-        };
-        reader.finish();
-        if let (Some(id), Some(documents)) = (&file.id, &file.documents) {
+        let file = ModelFile::read(&facts, reader);
+        if let (Some(id), Some(documents)) = (&head.id, &head.documents) {
             problems.extend(documents.without_document(id, without_document.take()));
         }
-        file
+        Self {
+            second: second.take(),
+            head,
+            file,
+        }
     }
 
     /// The model; `None` if any part of the file is unusable.
     pub fn ready(&self) -> Option<Model> {
+        self.file.ready(
+            self.head.id.as_ref()?.value.clone(),
+            self.head.documents.as_ref()?.ready()?,
+            self.second.clone(),
+        )
+    }
+}
+
+impl ModelFile {
+    /// The model `id`, which rests on `documents`; `None` if any part of the file is unusable.
+    fn ready(
+        &self,
+        id: String,
+        documents: Vec<ModelDocument>,
+        second_sources: Vec<SecondSource>,
+    ) -> Option<Model> {
         let ready = self
             .registers
             .iter()
@@ -166,21 +181,21 @@ impl ModelFile {
                 .for_each(|register| register.states.push(state.masked()));
         }
         Some(Model {
-            id: self.id.as_ref()?.value.clone(),
+            id,
             vendor: self.vendor.as_ref()?.value.clone(),
             title: self.title.as_ref()?.value.clone(),
-            documents: self.documents.as_ref()?.ready()?,
-            second_sources: self.second.clone(),
+            documents,
+            second_sources,
             link: self.link.as_ref()?.ready()?,
             timing: self.timing.as_ref()?.ready()?,
             functions: self.functions.ready()?,
             read: self.read.as_ref()?.ready()?,
             write: self.write.as_ref()?.ready()?,
-            exceptions: each(&self.exceptions, CodeFile::ready)?,
+            exceptions: each(&self.exceptions, ExceptionFile::ready)?,
             exception_kinds: self
                 .exceptions
                 .iter()
-                .filter_map(CodeFile::ready_kind)
+                .filter_map(ExceptionFile::ready_kind)
                 .collect(),
             quirks: made(&self.quirks, QuirksFile::ready)?.unwrap_or_else(DriveQuirks::default),
             barriers: each(&self.barriers, BarrierFile::ready)?,
@@ -242,49 +257,6 @@ fn poll_bases(registers: &mut [Register]) {
             register.poll = Some(PollClass::Slow);
         }
     }
-}
-
-/// The required table `key`, read by `read`.
-fn needed<T>(
-    reader: &mut TableReader<'_, '_>,
-    key: &'static str,
-    facts: &FactReader<'_>,
-    read: impl FnOnce(&FactReader<'_>, TableReader<'_, '_>) -> T,
-) -> Option<T> {
-    reader
-        .required_table(key)
-        .map(|it| read(facts, reader.open(it)))
-}
-
-/// The optional table `key`, read by `read`.
-fn given<T>(
-    reader: &mut TableReader<'_, '_>,
-    key: &'static str,
-    facts: &FactReader<'_>,
-    read: impl FnOnce(&FactReader<'_>, TableReader<'_, '_>) -> T,
-) -> OptionalKey<T> {
-    match reader.table(key) {
-        OptionalKey::Absent => OptionalKey::Absent,
-        OptionalKey::Invalid => OptionalKey::Invalid,
-        OptionalKey::Valid(LocatedValue { value, location }) => OptionalKey::Valid(LocatedValue {
-            value: read(facts, reader.open(value)),
-            location,
-        }),
-    }
-}
-
-/// The tables `[[key]]`, each read by `read`.
-fn all<T>(
-    reader: &mut TableReader<'_, '_>,
-    key: &'static str,
-    facts: &FactReader<'_>,
-    read: impl Fn(&FactReader<'_>, TableReader<'_, '_>) -> T,
-) -> Vec<T> {
-    reader
-        .tables(key)
-        .into_iter()
-        .map(|section| read(facts, reader.open(section)))
-        .collect()
 }
 
 /// `Some(None)` if the table is left out; `None` if it is unusable.

@@ -1,138 +1,122 @@
 //! `[run]`: the registers of orders that are not written to the one for run commands, and the direction.
 
-use super::facts::{FactFile, FactReader, whole};
+use super::facts::{FactFile, FactReader, Origin, fact};
+use super::kinds::{mask, word};
+use super::run::RunFile;
 use crate::domain::address::Address;
 use crate::profile::model::{
     Confidence, DirectionWords, Fact, FactPart, OrderKind, OrderPlaces, Register, RegisterRole,
     RunCommand, StopBits,
 };
 use crate::profile::register::{RegisterFile, address_of};
+use crate::toml_file::declare::{declare_table, only, optional, required};
 use crate::toml_file::values::ValueKind;
-use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader};
+use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey};
 
 /// Values of `reverse_by`.
-const REVERSE_BY: [(&str, ()); 1] = [("sign", ())];
+pub(super) const REVERSE_BY: [(&str, ()); 1] = [("sign", ())];
 
-/// What `[run]` says about the places of its orders.
-#[derive(Default)]
-pub(in crate::profile) struct PlacesFile {
-    /// The orders that name a register.
-    pub registers: Vec<(OrderKind, LocatedValue<String>)>,
-    /// A register or `clear` was unusable.
-    is_damaged: bool,
-    pub clear: Option<LocatedValue<u16>>,
-    /// Bits of the last order to run that the stop keeps.
-    pub keep: Option<LocatedValue<u16>>,
-    /// Bits of it that the stop changes.
-    pub drop: Option<LocatedValue<u16>>,
-    pub direction: Option<FactFile<DirectionFile>>,
-    pub reverse_by: Option<FactFile<()>>,
-    /// The forbidden words, each with its register, if it names one.
-    pub never: Vec<(FactFile<u16>, OptionalKey<String>)>,
+declare_table! {
+    /// An order: its word, and where that is written.
+    OrderFile is "run.stop" with kind: OrderKind {
+        /// The word.
+        value: RequiredKey<u16> = required(word());
+        /// The name of the register that takes the word, if it has one of its own.
+        register: OptionalKey<String> = optional(ValueKind::text()), without "the one for run commands";
+        /// The word that is written to the reset's own register after the reset, whatever comes between.
+        clear: OptionalKey<u16> = only(kind == OrderKind::Reset, optional(word())),
+            without "nothing is cleared";
+        /// With `form = "bits"`: bits, as the direction, that the stop has as the last order to run had them. Without an order,
+        /// or a direction that the drive shows, they are those of `value`.
+        keep: OptionalKey<u16> = only(kind == OrderKind::Stop, optional(mask())), or 0, without "none";
+        /// With `form = "bits"`: bits, as the direction, that the stop changes although they do not run the motor, because the
+        /// documents show that word. The key has no effect on what is sent.
+        drop: OptionalKey<u16> = only(kind == OrderKind::Stop, optional(mask())), or 0, without "none";
+    }
 }
 
-/// `direction`
-pub(in crate::profile) struct DirectionFile {
-    pub register: RequiredKey<String>,
-    pub forward: RequiredKey<u16>,
-    pub reverse: OptionalKey<u16>,
+declare_table! {
+    /// `direction`
+    DirectionFile is "run.direction" {
+        /// The name of that register, which is writable and takes nothing else.
+        register: RequiredKey<String> = required(ValueKind::text());
+        /// The word for forward.
+        forward: RequiredKey<u16> = required(word());
+        /// The word for reverse.
+        reverse: OptionalKey<u16> = optional(word()), without "no such order";
+    }
 }
 
-impl PlacesFile {
-    /// The order `kind`, which may name its register.
-    pub(super) fn order(
-        &mut self,
-        facts: &FactReader<'_>,
-        reader: &mut TableReader<'_, '_>,
-        kind: OrderKind,
-    ) -> FactFile<u16> {
-        facts.needed(reader, kind.keyword(), |reader| self.parts(reader, kind))
+declare_table! {
+    /// One of `[[run.never]]`
+    NeverFile is "run.never" with facts: &FactReader<'_> {
+        /// The name of another register that takes orders, if it is forbidden there.
+        register: OptionalKey<String> = optional(ValueKind::text()), without "the one for run commands";
+        /// The word.
+        value: RequiredKey<u16> = required(word());
+        origin: Option<Origin> = facts.sources();
+    }
+}
+
+impl FactFile<OrderFile> {
+    /// Its word.
+    pub fn word(&self) -> Option<&LocatedValue<u16>> {
+        self.value.as_ref()?.value.value.as_ref()
     }
 
-    /// The order `kind`, which may name its register; `None` if the model does not have it.
-    pub(super) fn optional_order(
-        &mut self,
-        facts: &FactReader<'_>,
-        reader: &mut TableReader<'_, '_>,
-        kind: OrderKind,
-    ) -> Option<FactFile<u16>> {
-        facts.optional(reader, kind.keyword(), |reader| self.parts(reader, kind))
+    /// The order; `None` if any part is unusable.
+    pub(super) fn order(&self) -> Option<Fact<u16>> {
+        self.and_then(|order| {
+            order.register.clone().optional()?;
+            order.clear.clone().optional()?;
+            order.keep()?;
+            order.drop()?;
+            Some(order.value.as_ref()?.value)
+        })
     }
+}
 
-    fn parts(&mut self, reader: &mut TableReader<'_, '_>, kind: OrderKind) -> RequiredKey<u16> {
-        let word = ValueKind::number(0..=u16::MAX);
-        let value = reader.required("value", &word);
-        match reader.optional("register", &ValueKind::text()) {
-            OptionalKey::Absent => {}
-            OptionalKey::Invalid => self.is_damaged = true,
-            OptionalKey::Valid(name) => self.registers.push((kind, name)),
-        }
-        if kind == OrderKind::Reset {
-            self.clear = self.word(reader, "clear", &word);
-        }
-        if kind == OrderKind::Stop {
-            let bits = ValueKind::number(1..=u16::MAX);
-            self.keep = self.word(reader, "keep", &bits);
-            self.drop = self.word(reader, "drop", &bits);
-        }
-        value
+impl NeverFile {
+    /// The word; `None` if any part is unusable.
+    fn fact(&self) -> Option<Fact<u16>> {
+        fact(self.value.as_ref()?.value, self.origin.as_ref())
     }
+}
 
-    fn word(
-        &mut self,
-        reader: &mut TableReader<'_, '_>,
-        key: &'static str,
-        kind: &ValueKind<u16>,
-    ) -> Option<LocatedValue<u16>> {
-        match reader.optional(key, kind) {
-            OptionalKey::Absent => None,
-            OptionalKey::Invalid => {
-                self.is_damaged = true;
-                None
-            }
-            OptionalKey::Valid(word) => Some(word),
+impl RunFile {
+    /// The order `kind`; `None` if the model does not have it.
+    pub fn order(&self, kind: OrderKind) -> Option<&FactFile<OrderFile>> {
+        match kind {
+            OrderKind::Stop => Some(&self.stop),
+            OrderKind::Forward => Some(&self.forward),
+            OrderKind::Reverse => self.reverse.as_ref(),
+            OrderKind::Coast => self.coast.as_ref(),
+            OrderKind::Reset => self.reset.as_ref(),
+            OrderKind::Release => self.release.as_ref(),
         }
     }
 
-    /// What the stop does with the bits of an order to run.
-    pub(super) fn stop_bits(&self) -> StopBits {
-        let bits = |written: &Option<LocatedValue<u16>>| {
-            written.as_ref().map_or(0, |written| written.value)
-        };
-        StopBits {
-            keeps: bits(&self.keep),
-            drops: bits(&self.drop),
-        }
-    }
-
-    /// `direction`, `reverse_by` and `never`.
-    pub(super) fn read_rest(&mut self, facts: &FactReader<'_>, reader: &mut TableReader<'_, '_>) {
-        let word = ValueKind::number(0..=u16::MAX);
-        self.direction = facts.optional(reader, "direction", |reader| {
-            whole(reader, |reader| DirectionFile {
-                register: reader.required("register", &ValueKind::text()),
-                forward: reader.required("forward", &word),
-                reverse: reader.optional("reverse", &word),
-            })
-        });
-        self.reverse_by =
-            facts.optional_value(reader, "reverse_by", &ValueKind::one_of(&REVERSE_BY));
-        for section in reader.tables("never") {
-            let mut register = OptionalKey::Absent;
-            let never = facts.fact(reader.open(section), |reader| {
-                register = reader.optional("register", &ValueKind::text());
-                reader.required("value", &word)
-            });
-            self.never.push((never, register));
-        }
+    /// The usable word of the order `kind`.
+    pub fn word(&self, kind: OrderKind) -> Option<&LocatedValue<u16>> {
+        self.order(kind)?.word()
     }
 
     /// The register that the order `kind` names.
     pub fn named(&self, kind: OrderKind) -> Option<&LocatedValue<String>> {
-        self.registers
-            .iter()
-            .find(|(of, _)| *of == kind)
-            .map(|(_, name)| name)
+        self.order(kind)?.value.as_ref()?.value.register.valid()
+    }
+
+    /// The orders that name a register.
+    fn named_orders(&self) -> impl Iterator<Item = (OrderKind, &LocatedValue<String>)> {
+        OrderKind::ALL
+            .into_iter()
+            .filter_map(|kind| Some((kind, self.named(kind)?)))
+    }
+
+    /// The word that clears the register of the reset.
+    pub fn clear(&self) -> Option<&LocatedValue<u16>> {
+        let reset = self.order(OrderKind::Reset)?;
+        reset.value.as_ref()?.value.clear.valid()
     }
 
     /// Every register that is named, for whatever it is written.
@@ -141,17 +125,25 @@ impl PlacesFile {
             .direction
             .iter()
             .filter_map(|fact| fact.value.as_ref()?.value.register.as_ref());
-        let never = self.never.iter().filter_map(|(_, name)| name.valid());
-        self.registers
-            .iter()
+        let never = self.never.iter().filter_map(|never| never.register.valid());
+        self.named_orders()
             .map(|(_, name)| name)
             .chain(direction)
             .chain(never)
     }
 
+    /// What the stop does with the bits of an order to run; `None` if that is unusable.
+    pub(super) fn stop_bits(&self) -> Option<StopBits> {
+        let stop = &self.stop.value.as_ref()?.value;
+        Some(StopBits {
+            keeps: stop.keep()?,
+            drops: stop.drop()?,
+        })
+    }
+
     /// The reverse order of a model that writes the direction first, or turns by the sign of the setpoint: the word for
     /// forward, as sure as both.
-    pub(super) fn reverse(&self, forward: &Fact<u16>) -> Option<Fact<u16>> {
+    pub(super) fn reverse_by_place(&self, forward: &Fact<u16>) -> Option<Fact<u16>> {
         let (confidence, source) = match (&self.direction, &self.reverse_by) {
             (Some(direction), _) => {
                 direction.value.as_ref()?.value.reverse.valid()?;
@@ -168,30 +160,26 @@ impl PlacesFile {
 
     /// The forbidden words of the register for run commands; `None` if one is unusable.
     pub(super) fn own_never(&self) -> Option<Vec<Fact<u16>>> {
-        let is_own = |(_, name): &&(_, OptionalKey<String>)| matches!(name, OptionalKey::Absent);
-        self.never
-            .iter()
-            .filter(is_own)
-            .map(|(fact, _)| fact.ready())
+        let all = self.never.iter();
+        all.filter(|never| matches!(never.register, OptionalKey::Absent))
+            .map(NeverFile::fact)
             .collect()
     }
 
-    /// `None` if any part is unusable.
-    pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<OrderPlaces> {
-        if self.is_damaged {
-            return None;
-        }
+    /// Where its orders are written; `None` if any part is unusable.
+    pub(super) fn places(&self, registers: &[RegisterFile]) -> Option<OrderPlaces> {
         let own = self
-            .registers
-            .iter()
-            .map(|(kind, name)| Some((*kind, address_of(&name.value, registers)?)));
-        let never = self.never.iter().filter(|(_, name)| name.valid().is_some());
-        let never = never.map(|(fact, name)| {
-            Some((address_of(&name.valid()?.value, registers)?, fact.ready()?))
+            .named_orders()
+            .map(|(kind, name)| Some((kind, address_of(&name.value, registers)?)));
+        let elsewhere = self.never.iter().filter_map(|never| {
+            let name = never.register.valid()?;
+            Some((name, never))
         });
+        let never = elsewhere
+            .map(|(name, never)| Some((address_of(&name.value, registers)?, never.fact()?)));
         Some(OrderPlaces {
             registers: own.collect::<Option<_>>()?,
-            clear: self.clear.as_ref().map(|clear| clear.value),
+            clear: self.clear().map(|clear| clear.value),
             direction: match &self.direction {
                 None => None,
                 Some(direction) => Some(direction.and_then(|it| it.ready(registers))?),

@@ -1,36 +1,48 @@
 //! `reset_sequence` of `[run]`: the words of a reset, each alone or in a table that says more.
 
+use super::kinds::{ms, seconds, word};
 use crate::profile::model::ResetStep;
 use crate::profile::register::{RegisterFile, address_of};
+use crate::toml_file::declare::{KeyForm, declare_table, optional, required};
 use crate::toml_file::values::ValueKind;
 use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader, TomlEntry};
 use std::time::Duration;
 
 /// The longest pause after one word.
-const WAIT_MAX: Duration = Duration::from_secs(10);
+const WAIT_MAX: Duration = seconds(10);
 
-/// One word of `reset_sequence`.
-pub(in crate::profile) struct ResetStepFile {
-    pub register: OptionalKey<String>,
-    pub value: RequiredKey<u16>,
-    pub wait: OptionalKey<Duration>,
+declare_table! {
+    /// One word of `reset_sequence`.
+    ResetStepFile is "run.reset_sequence" {
+        /// The name of the reset's own register, for `reset` and `clear`; `clear` is then the last word.
+        register: OptionalKey<String> = optional(ValueKind::text()), without "the one for run commands";
+        /// The word.
+        value: RequiredKey<u16> = required(word());
+        /// How long nothing is written after the word; at most 20 s together. A stop does not wait, and nothing of the reset
+        /// follows it but what clears the word.
+        wait: OptionalKey<Duration> = optional(ValueKind::duration(ms(1)..=WAIT_MAX)),
+            or Duration::ZERO, without "none";
+    }
 }
 
-pub(super) fn read(reader: &mut TableReader<'_, '_>) -> OptionalKey<Vec<ResetStepFile>> {
-    match reader.values_or_tables("reset_sequence", &ValueKind::number(0..=u16::MAX)) {
-        OptionalKey::Absent => OptionalKey::Absent,
-        OptionalKey::Invalid => OptionalKey::Invalid,
-        OptionalKey::Valid(LocatedValue {
-            value: entries,
-            location,
-        }) => {
-            let value = entries
-                .into_iter()
-                .map(|entry| ResetStepFile::read(reader, entry))
-                .collect();
-            OptionalKey::Valid(LocatedValue { value, location })
+/// The words, each alone or in a table that says more.
+pub(super) fn sequence() -> KeyForm<'static, OptionalKey<Vec<ResetStepFile>>> {
+    let kind = word();
+    let right = format!("a list, each {}, or a table", kind.right());
+    let form = KeyForm::of(kind, |reader, key, kind| {
+        match reader.values_or_tables(key, kind) {
+            OptionalKey::Absent => OptionalKey::Absent,
+            OptionalKey::Invalid => OptionalKey::Invalid,
+            OptionalKey::Valid(LocatedValue { value, location }) => {
+                let step = |entry| ResetStepFile::of(reader, entry);
+                OptionalKey::Valid(LocatedValue {
+                    value: value.into_iter().map(step).collect(),
+                    location,
+                })
+            }
         }
-    }
+    });
+    form.right(right)
 }
 
 /// `None` if any part is unusable.
@@ -50,26 +62,13 @@ pub(super) fn ready(
 }
 
 impl ResetStepFile {
-    fn read<'a>(reader: &mut TableReader<'a, '_>, entry: TomlEntry<'a, u16>) -> Self {
+    fn of<'a>(reader: &mut TableReader<'a, '_>, entry: TomlEntry<'a, u16>) -> Self {
         match entry {
             TomlEntry::Value(word) => Self {
-                register: OptionalKey::Absent,
                 value: Some(word),
-                wait: OptionalKey::Absent,
+                ..Self::default()
             },
-            TomlEntry::Table(section) => {
-                let mut reader = reader.open(section);
-                let step = Self {
-                    register: reader.optional("register", &ValueKind::text()),
-                    value: reader.required("value", &ValueKind::number(0..=u16::MAX)),
-                    wait: reader.optional(
-                        "wait",
-                        &ValueKind::duration(Duration::from_millis(1)..=WAIT_MAX),
-                    ),
-                };
-                reader.finish();
-                step
-            }
+            TomlEntry::Table(section) => Self::read(reader.open(section)),
         }
     }
 
@@ -82,7 +81,7 @@ impl ResetStepFile {
         Some(ResetStep {
             address,
             value: self.value.as_ref()?.value,
-            wait: self.wait.or(Duration::ZERO)?,
+            wait: self.wait()?,
         })
     }
 }

@@ -1,100 +1,101 @@
 //! `[run]`: how run commands are given.
 
-use super::facts::{FactFile, FactReader, optional};
-use super::orders::PlacesFile;
+use super::facts::{FactFile, FactReader, given};
+use super::kinds::{mask, word};
+use super::orders::{DirectionFile, NeverFile, OrderFile, REVERSE_BY};
 use super::reset::{self, ResetStepFile};
 use super::run_word::{BitFile, FieldFile};
-use super::start::StartFile;
+use super::start::StartStepFile;
 use super::state::StateFile;
-use crate::profile::model::{OrderKind, RunCommand, RunForm, WordSenses, ZeroWord};
+use crate::profile::model::{OrderKind, RunCommand, RunForm, StartWords, WordSenses, ZeroWord};
 use crate::profile::register::RegisterFile;
-use crate::profile::words::ZERO_WORDS;
+use crate::profile::words::{ZERO_WORDS, declare_words};
+use crate::toml_file::declare::{declare_table, optional, required, tables};
 use crate::toml_file::values::ValueKind;
-use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader};
+use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey};
 
-/// How the words of run commands are built.
-const FORMS: [(&str, FormWord); 2] = [("values", FormWord::Values), ("bits", FormWord::Bits)];
+declare_words! {
+    /// How the words of run commands are built.
+    FORMS: FormWord {
+        /// Each word is one command.
+        Values "values";
+        /// Each bit has a meaning of its own, see `[[run.bit]]`.
+        Bits "bits";
+    }
+}
 
 /// How the words are built, as written in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::profile) enum FormWord {
+pub enum FormWord {
     Values,
     Bits,
 }
 
-/// `[run]`
-pub(in crate::profile) struct RunFile {
-    pub form: RequiredKey<FormWord>,
-    pub bits: Vec<BitFile>,
-    pub fields: Vec<FieldFile>,
-    pub priority: OptionalKey<u16>,
-    pub stop: FactFile<u16>,
-    pub forward: FactFile<u16>,
-    pub reverse: Option<FactFile<u16>>,
-    pub coast: Option<FactFile<u16>>,
-    pub reset: Option<FactFile<u16>>,
-    pub release: Option<FactFile<u16>>,
-    pub reset_sequence: OptionalKey<Vec<ResetStepFile>>,
-    pub zero: Option<FactFile<ZeroWord>>,
-    pub places: PlacesFile,
-    pub start: StartFile,
-    pub states: Vec<StateFile>,
+declare_table! {
+    /// The words of run commands. They are written to the register with `role = "run-command"`. Without this table the drive is
+    /// only read.
+    RunFile is "[run]" with facts: &FactReader<'_> {
+        /// How the words are built.
+        form: RequiredKey<FormWord> = required(ValueKind::one_of(&FORMS));
+        bits as "bit": Vec<BitFile> = tables(|reader| BitFile::read(facts, reader));
+        fields as "field": Vec<FieldFile> = tables(|reader| FieldFile::read(facts, reader));
+        /// Bits that every command but `release` contains: the drive obeys the bus whatever its settings say.
+        priority: OptionalKey<u16> = optional(mask()), or 0, without "none";
+        /// The word that ramps the motor down.
+        stop: FactFile<OrderFile> = facts.parts(|reader| OrderFile::keys(OrderKind::Stop, reader));
+        /// The word that runs the motor forward.
+        forward: FactFile<OrderFile> =
+            facts.parts(|reader| OrderFile::keys(OrderKind::Forward, reader));
+        /// The word that runs the motor in reverse.
+        reverse: Option<FactFile<OrderFile>> =
+            facts.optional_parts(|reader| OrderFile::keys(OrderKind::Reverse, reader)),
+            without "no such order";
+        /// The word that cuts the output off.
+        coast: Option<FactFile<OrderFile>> =
+            facts.optional_parts(|reader| OrderFile::keys(OrderKind::Coast, reader)),
+            without "no such order";
+        /// The word that resets a trip.
+        reset: Option<FactFile<OrderFile>> =
+            facts.optional_parts(|reader| OrderFile::keys(OrderKind::Reset, reader)),
+            without "no such order";
+        /// The word that hands control back to panel and terminals.
+        release: Option<FactFile<OrderFile>> =
+            facts.optional_parts(|reader| OrderFile::keys(OrderKind::Release, reader)),
+            without "no such order";
+        /// The words of a reset in the order in which they are written: `stop` first, then only `reset` and `stop`; with bits
+        /// `stop` is also the last, because it clears the reset bit. At most 8. A word may be a table with the keys below.
+        reset_sequence: OptionalKey<Vec<ResetStepFile>> = reset::sequence(),
+            without "required with a `reset` that has no register of its own";
+        /// What the drive does with the word 0. Required where the meanings of bits leave it open. A 0 that a client writes is a
+        /// coast where 0 coasts and `coast` is proven; otherwise it goes out as the stop word.
+        zero: Option<FactFile<ZeroWord>> =
+            facts.optional_value(ValueKind::choice(&ZERO_WORDS, zero_means)),
+            without "a stop, if `stop` is 0";
+        /// The words before the run word, see `[[run.start]]`.
+        start: Vec<StartStepFile> = tables(|reader| StartStepFile::read(facts, reader)),
+            without "the run word alone";
+        /// The word that takes back a start that the drive does not follow. Only beside `[[run.start]]`.
+        take_back: Option<FactFile<u16>> = facts.optional_value(word()), without "`stop`";
+        /// The states of the drive in the vendor's words, see `[[run.state]]`.
+        states as "state": Vec<StateFile> = tables(|reader| StateFile::read(facts, reader)),
+            without "no texts";
+        /// The direction, where it is written to a register of its own before the run word. `reverse` is then left out.
+        direction: Option<FactFile<DirectionFile>> = facts.optional_parts(DirectionFile::keys),
+            without "part of the run word";
+        /// How reverse is ordered beside the word for forward: by a setpoint below 0. `reverse` is then left out.
+        reverse_by: Option<FactFile<()>> = facts.optional_value(ValueKind::one_of(&REVERSE_BY)),
+            without "a word of its own";
+        /// Words that are never written, whatever a client asks for.
+        never: Vec<NeverFile> = tables(|reader| NeverFile::read(facts, reader)), without "none";
+    }
 }
 
 impl RunFile {
-    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
-        let mut places = PlacesFile::default();
-        let mut run = Self {
-            form: reader.required("form", &ValueKind::one_of(&FORMS)),
-            bits: reader
-                .tables("bit")
-                .into_iter()
-                .map(|it| BitFile::read(facts, reader.open(it)))
-                .collect(),
-            fields: reader
-                .tables("field")
-                .into_iter()
-                .map(|it| FieldFile::read(facts, reader.open(it)))
-                .collect(),
-            priority: reader.optional("priority", &ValueKind::number(1..=u16::MAX)),
-            stop: places.order(facts, &mut reader, OrderKind::Stop),
-            forward: places.order(facts, &mut reader, OrderKind::Forward),
-            reverse: places.optional_order(facts, &mut reader, OrderKind::Reverse),
-            coast: places.optional_order(facts, &mut reader, OrderKind::Coast),
-            reset: places.optional_order(facts, &mut reader, OrderKind::Reset),
-            release: places.optional_order(facts, &mut reader, OrderKind::Release),
-            reset_sequence: reset::read(&mut reader),
-            zero: facts.optional_value(
-                &mut reader,
-                "zero",
-                &ValueKind::choice(&ZERO_WORDS, zero_means),
-            ),
-            places: PlacesFile::default(),
-            start: StartFile::read(facts, &mut reader),
-            states: reader
-                .tables("state")
-                .into_iter()
-                .map(|it| StateFile::read(facts, reader.open(it)))
-                .collect(),
-        };
-        places.read_rest(facts, &mut reader);
-        run.places = places;
-        reader.finish();
-        run
-    }
-
     /// The usable command words, each with its order.
     pub fn words(&self) -> impl Iterator<Item = (OrderKind, &LocatedValue<u16>)> {
-        let all = [
-            (OrderKind::Stop, Some(&self.stop)),
-            (OrderKind::Forward, Some(&self.forward)),
-            (OrderKind::Reverse, self.reverse.as_ref()),
-            (OrderKind::Coast, self.coast.as_ref()),
-            (OrderKind::Reset, self.reset.as_ref()),
-            (OrderKind::Release, self.release.as_ref()),
-        ];
-        all.into_iter()
-            .filter_map(|(order, fact)| Some((order, fact?.value.as_ref()?)))
+        OrderKind::ALL
+            .into_iter()
+            .filter_map(|kind| Some((kind, self.word(kind)?)))
     }
 
     /// The usable meanings of bits and fields.
@@ -108,24 +109,31 @@ impl RunFile {
 
     /// The usable words that are written to the register for run commands, each with its order.
     pub fn own_words(&self) -> impl Iterator<Item = (OrderKind, &LocatedValue<u16>)> {
-        self.words()
-            .filter(|(kind, _)| self.places.named(*kind).is_none())
+        self.words().filter(|(kind, _)| self.named(*kind).is_none())
     }
 
     /// The words that are never written, each with the register that it names.
     pub fn never(&self) -> impl Iterator<Item = (Option<&str>, &LocatedValue<u16>)> {
-        let all = self.places.never.iter();
-        all.filter_map(|(fact, name)| {
-            Some((
-                name.valid().map(|name| name.value.as_str()),
-                fact.value.as_ref()?,
-            ))
+        self.never.iter().filter_map(|never| {
+            let name = never.register.valid();
+            Some((name.map(|name| name.value.as_str()), never.value.as_ref()?))
         })
+    }
+
+    /// The words that are written beside the orders when the drive is started.
+    pub fn start_words(&self) -> impl Iterator<Item = &LocatedValue<u16>> {
+        let steps = self.start.iter().filter_map(|step| step.write.as_ref());
+        let back = self.take_back.iter();
+        steps.chain(back.filter_map(|fact| fact.value.as_ref()))
     }
 
     /// `None` if any part is unusable.
     pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<RunCommand> {
-        let forward = self.forward.ready()?;
+        let forward = self.forward.order()?;
+        let ready = |order: &Option<FactFile<OrderFile>>| match order {
+            None => Some(None),
+            Some(order) => order.order().map(Some),
+        };
         Some(RunCommand {
             form: match self.form.as_ref()?.value {
                 FormWord::Values => RunForm::Values,
@@ -145,22 +153,29 @@ impl RunFile {
                     RunForm::Bits {
                         bits,
                         fields,
-                        priority: self.priority.or(0)?,
+                        priority: self.priority()?,
                     }
                 }
             },
-            stop: self.stop.ready()?,
-            stop_bits: self.places.stop_bits(),
-            reverse: optional(self.reverse.as_ref())?.or_else(|| self.places.reverse(&forward)),
+            stop: self.stop.order()?,
+            stop_bits: self.stop_bits()?,
+            reverse: ready(&self.reverse)?.or_else(|| self.reverse_by_place(&forward)),
             forward,
-            coast: optional(self.coast.as_ref())?,
-            reset: optional(self.reset.as_ref())?,
-            release: optional(self.release.as_ref())?,
+            coast: ready(&self.coast)?,
+            reset: ready(&self.reset)?,
+            release: ready(&self.release)?,
             reset_sequence: reset::ready(&self.reset_sequence, registers)?,
-            never: self.places.own_never()?,
-            zero: optional(self.zero.as_ref())?,
-            places: self.places.ready(registers)?,
-            start: self.start.ready(registers)?,
+            never: self.own_never()?,
+            zero: given(&self.zero)?,
+            places: self.places(registers)?,
+            start: StartWords {
+                steps: self
+                    .start
+                    .iter()
+                    .map(|step| step.ready(registers))
+                    .collect::<Option<_>>()?,
+                take_back: given(&self.take_back)?,
+            },
             states: self
                 .states
                 .iter()

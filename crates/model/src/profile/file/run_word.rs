@@ -1,50 +1,52 @@
 //! `[[run.bit]]` and `[[run.field]]`: what the bits of run commands mean.
 
 use super::facts::{FactReader, Origin, fact};
+use super::kinds::mask;
 use crate::profile::model::{BitMeaning, BitSense, RunBit, RunField};
 use crate::profile::register::words_of;
 use crate::profile::words::BIT_MEANINGS;
+use crate::toml_file::declare::{KeyForm, declare_table, optional, required};
 use crate::toml_file::values::ValueKind;
-use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey, RequiredKey, TableReader};
+use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey};
 
 /// The word for a value of a field that does nothing.
 const NOTHING: &str = "nothing";
 
-/// One of `[[run.bit]]`
-pub(in crate::profile) struct BitFile {
-    pub location: KeyLocation,
-    pub bit: RequiredKey<u8>,
-    pub meaning: RequiredKey<BitMeaning>,
-    /// The value of the bit with which the meaning holds; 1 if it is left out.
-    pub when: OptionalKey<u8>,
-    origin: Option<Origin>,
+declare_table! {
+    /// With `form = "bits"`: every bit that a command uses. A word with a bit that is not listed is refused. A word is as sure as
+    /// its own `confidence` says: an example that shows several bits proves their sum only, so a word that you compose of single
+    /// bits is `inferred` unless the manual prints it. Rows are distinguished by `bit`.
+    BitFile is "[[run.bit]]" at location with facts: &FactReader<'_> {
+        /// Its number, 0 for the lowest.
+        bit: RequiredKey<u8> = required(ValueKind::number(0..=15));
+        /// What it means while it holds.
+        meaning: RequiredKey<BitMeaning> = required(ValueKind::one_of(&BIT_MEANINGS));
+        /// The value of the bit with which the meaning holds: 0 for an enable with `meaning = "coast"`.
+        when: OptionalKey<u8> = optional(ValueKind::number(0..=1)), or 1;
+        origin: Option<Origin> = facts.sources();
+    }
 }
 
-/// One of `[[run.field]]`
-pub(in crate::profile) struct FieldFile {
-    pub location: KeyLocation,
-    pub mask: RequiredKey<u16>,
-    /// The known values, each with its meaning, in order; `None` if the table is unusable.
-    pub values: Option<Vec<(u16, LocatedValue<Option<BitMeaning>>)>>,
-    origin: Option<Origin>,
+declare_table! {
+    /// With `form = "bits"`: neighbouring bits that mean something together. A value that is not listed is never ordered. Rows are
+    /// distinguished by `mask`.
+    FieldFile is "[[run.field]]" at location with facts: &FactReader<'_> {
+        /// The bits, as `0x0030`.
+        mask: RequiredKey<u16> = required(mask());
+        /// The meaning of each value, shifted down and in decimal: `{ "0" = "nothing", "1" = "forward" }`. It names 0.
+        /// `"nothing"` is a word of fields only.
+        values: Option<FieldValues> = values();
+        origin: Option<Origin> = facts.sources();
+    }
 }
+
+/// The known values, each with its meaning, in order.
+pub type FieldValues = Vec<(u16, LocatedValue<Option<BitMeaning>>)>;
 
 impl BitFile {
-    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
-        let bit = Self {
-            location: reader.location().clone(),
-            bit: reader.required("bit", &ValueKind::number(0..=15_u8)),
-            meaning: reader.required("meaning", &ValueKind::one_of(&BIT_MEANINGS)),
-            when: reader.optional("when", &ValueKind::number(0..=1_u8)),
-            origin: facts.origin(&mut reader),
-        };
-        reader.finish();
-        bit
-    }
-
     /// What it means; `None` if any part of that is unusable.
     pub fn sense(&self) -> Option<BitSense> {
-        let is_inverted = self.when.or(1)? == 0;
+        let is_inverted = self.when()? == 0;
         Some(BitSense::of_bit(
             self.bit.as_ref()?.value,
             is_inverted,
@@ -57,23 +59,12 @@ impl BitFile {
         Some(RunBit {
             bit,
             meaning: self.meaning.as_ref()?.value,
-            is_inverted: self.when.or(1)? == 0,
+            is_inverted: self.when()? == 0,
         })
     }
 }
 
 impl FieldFile {
-    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
-        let field = Self {
-            location: reader.location().clone(),
-            mask: reader.required("mask", &ValueKind::number(1..=u16::MAX)),
-            values: values(&mut reader),
-            origin: facts.origin(&mut reader),
-        };
-        reader.finish();
-        field
-    }
-
     /// What its values mean; empty if its mask or values are unusable.
     pub fn senses(&self) -> impl Iterator<Item = BitSense> {
         let known = self.mask.as_ref().zip(self.values.as_ref());
@@ -98,23 +89,25 @@ impl FieldFile {
     }
 }
 
-/// The table `values`, in order of the values.
-fn values(
-    reader: &mut TableReader<'_, '_>,
-) -> Option<Vec<(u16, LocatedValue<Option<BitMeaning>>)>> {
-    let section = reader.required_table("values")?;
-    let location = section.location.clone();
-    let inner = reader.open(section);
-    let count = inner.len();
-    let all = inner.all(&ValueKind::one_of(&BIT_MEANINGS).or_word(NOTHING));
-    if count == 0 {
-        reader.problems().push(
-            location
-                .problem("is empty")
-                .right("the meaning of each value"),
-        );
-        return None;
-    }
-    // A value that cannot be used is reported already: all words with it would seem wrong as well.
-    Some(words_of(all, reader.problems())).filter(|values| values.len() == count)
+/// The table `values`; `None` if it is unusable.
+fn values() -> KeyForm<'static, Option<FieldValues>> {
+    let kind = ValueKind::one_of(&BIT_MEANINGS).or_word(NOTHING);
+    let right = format!("a table, each {}", kind.right());
+    let form = KeyForm::of(kind, |reader, key, kind| {
+        let section = reader.required_table(key)?;
+        let location = section.location.clone();
+        let inner = reader.open(section);
+        let count = inner.len();
+        let all = inner.all(kind);
+        if count == 0 {
+            let problem = location.problem("is empty");
+            reader
+                .problems()
+                .push(problem.right("the meaning of each value"));
+            return None;
+        }
+        // A value that cannot be used is reported already: all words with it would seem wrong as well.
+        Some(words_of(all, reader.problems())).filter(|values| values.len() == count)
+    });
+    form.right(right).needed()
 }

@@ -1,53 +1,83 @@
 //! `[[setup]]`, `[identity]` and `[watchdog]`: required drive settings, how the drive tells what it is, and how it
 //! monitors its communication.
 
-use super::facts::{FactReader, Origin, fact, filled_with};
+use super::facts::{FactReader, Origin, fact};
+use super::kinds::{filled_list, mask, optional_filled_list, values_of, word};
 use crate::domain::link::Interface;
 use crate::profile::model::{ModelIdentity, ModelWatchdog, NeededFor, SetupItem};
 use crate::profile::register::{RegisterFile, address_of, meanings};
 use crate::profile::words::NEEDED_FOR;
+use crate::toml_file::declare::{declare_table, list, optional, required};
 use crate::toml_file::values::ValueKind;
 use crate::toml_file::words::INTERFACES;
-use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey, RequiredKey, TableReader};
+use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey};
 
-/// One of `[[setup]]`
-pub(in crate::profile) struct SetupFile {
-    pub location: KeyLocation,
-    what: RequiredKey<String>,
-    text: RequiredKey<String>,
-    pub register: OptionalKey<String>,
-    pub mask: OptionalKey<u16>,
-    pub values: OptionalKey<Vec<LocatedValue<u16>>>,
-    pub needed_for: OptionalKey<Vec<LocatedValue<NeededFor>>>,
-    pub interface: OptionalKey<Interface>,
-    origin: Option<Origin>,
+declare_table! {
+    /// The settings that the drive needs before it obeys the bus, in the order in which they are made. `check --verbose` and
+    /// `verify` print them, `enable` makes those that have a register. Rows are distinguished by `what`.
+    SetupFile is "[[setup]]" at location with facts: &FactReader<'_> {
+        /// The vendor's code, or the switch.
+        what: RequiredKey<String> = required(ValueKind::text());
+        /// The setting and what it must be, in words.
+        text: RequiredKey<String> = required(ValueKind::text());
+        /// The name of its register, which is readable and writable.
+        register: OptionalKey<String> = optional(ValueKind::text()), without "set at the drive";
+        /// The bits that `values` are compared with. A setting with a mask is not written.
+        mask: OptionalKey<u16> = optional(mask()), or u16::MAX, without "the whole word";
+        /// The words that are right; `enable` writes the first one.
+        values: OptionalKey<Vec<LocatedValue<u16>>> = optional_filled_list(word()),
+            without "required with `register`";
+        /// Orders that have no effect while the register holds another word. It is read before such an order, which is refused
+        /// with `precondition` while it differs. A stop is never refused.
+        needed_for: OptionalKey<Vec<LocatedValue<NeededFor>>> = list(ValueKind::one_of(&NEEDED_FOR)),
+            without "none";
+        /// The only interface that it applies to.
+        interface: OptionalKey<Interface> = optional(ValueKind::one_of(&INTERFACES)), without "all";
+        origin: Option<Origin> = facts.sources();
+    }
+}
+
+declare_table! {
+    /// How a drive tells what it is. A drive that shows something else gets no order but a stop (`other_drive`).
+    IdentityFile is "[identity]" with facts: &FactReader<'_> {
+        /// The name of the register.
+        register: RequiredKey<String> = required(ValueKind::text());
+        /// The bits that count.
+        mask: OptionalKey<u16> = optional(mask()), or u16::MAX, without "the whole word";
+        /// The masked words that drives of this model show.
+        values: RequiredKey<Vec<LocatedValue<u16>>> = filled_list(word());
+        /// Masked words of other drives in decimal, with the names of these drives: `{ "272" = "Acme Flux 3" }`.
+        others: Vec<(u16, String)> = meanings(), without "none";
+        origin: Option<Origin> = facts.sources();
+    }
+}
+
+declare_table! {
+    /// The drive's own watchdog: what it does when the bus is silent. `verify`, `require_watchdog` and an alarm rest on it.
+    WatchdogFile is "[watchdog]" with facts: &FactReader<'_> {
+        /// The name of the register that holds its time.
+        register: RequiredKey<String> = required(ValueKind::text());
+        /// The word of that register that switches it off.
+        off: RequiredKey<u16> = required(word());
+        /// The name of the register that holds what the drive does when the time is over.
+        action: OptionalKey<String> = optional(ValueKind::text()), without "none";
+        /// If one decimal digit of `action` says it: the place of the digit, 1, 10, 100 or 1000.
+        action_digit: OptionalKey<u16> = optional(ValueKind::number(1..=1000)), without "the whole word";
+        /// The words of `action` with which the motor runs on, reported as `keeps_running`; `[]` if the documents say that there
+        /// are none.
+        keeps_running: OptionalKey<Vec<LocatedValue<u16>>> = list(word()),
+            without "required with `action`";
+        /// The words of `action` with which the drive stops the motor. A word in neither list is unknown, and the watchdog is
+        /// then never reported as in order.
+        stops: OptionalKey<Vec<LocatedValue<u16>>> = list(word()),
+            without "all other words in the `values` of `action`";
+        origin: Option<Origin> = facts.sources();
+    }
 }
 
 impl SetupFile {
-    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
-        let word = ValueKind::number(0..=u16::MAX);
-        let setup = Self {
-            location: reader.location().clone(),
-            what: reader.required("what", &ValueKind::text()),
-            text: reader.required("text", &ValueKind::text()),
-            register: reader.optional("register", &ValueKind::text()),
-            mask: reader.optional("mask", &ValueKind::number(1..=u16::MAX)),
-            values: match reader.list("values", &word) {
-                OptionalKey::Valid(list) => filled_with(list, &word, reader.problems())
-                    .map_or(OptionalKey::Invalid, OptionalKey::Valid),
-                other => other,
-            },
-            needed_for: reader.list("needed_for", &ValueKind::one_of(&NEEDED_FOR)),
-            interface: reader.optional("interface", &ValueKind::one_of(&INTERFACES)),
-            origin: facts.origin(&mut reader),
-        };
-        reader.finish();
-        setup
-    }
-
     /// `None` if any part is unusable.
     pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<SetupItem> {
-        let values = self.values.clone().optional()?.unwrap_or_default();
         Some(SetupItem {
             what: self.what.as_ref()?.value.clone(),
             text: self.text.as_ref()?.value.clone(),
@@ -55,101 +85,40 @@ impl SetupFile {
                 None => None,
                 Some(name) => Some(address_of(&name, registers)?),
             },
-            mask: self.mask.or(u16::MAX)?,
+            mask: self.mask()?,
             values: fact(
-                values.into_iter().map(|word| word.value).collect(),
+                list_of(&self.values)?.unwrap_or_default(),
                 self.origin.as_ref(),
             )?,
-            needed_for: match &self.needed_for {
-                OptionalKey::Absent => Vec::new(),
-                OptionalKey::Invalid => return None,
-                OptionalKey::Valid(needs) => needs.value.iter().map(|need| need.value).collect(),
-            },
+            needed_for: list_of(&self.needed_for)?.unwrap_or_default(),
             interface: self.interface.clone().optional()?,
         })
     }
 }
 
-/// The words of a list: `Some(None)` if it is left out, `None` if it is unusable.
-fn words_of(list: &OptionalKey<Vec<LocatedValue<u16>>>) -> Option<Option<Vec<u16>>> {
+/// The values of a list: `Some(None)` if it is left out, `None` if it is unusable.
+fn list_of<T: Clone>(list: &OptionalKey<Vec<LocatedValue<T>>>) -> Option<Option<Vec<T>>> {
     match list {
         OptionalKey::Absent => Some(None),
         OptionalKey::Invalid => None,
-        OptionalKey::Valid(words) => {
-            Some(Some(words.value.iter().map(|word| word.value).collect()))
-        }
+        OptionalKey::Valid(list) => Some(Some(values_of(&list.value))),
     }
-}
-
-/// `[identity]`
-pub(in crate::profile) struct IdentityFile {
-    pub register: RequiredKey<String>,
-    pub mask: OptionalKey<u16>,
-    pub values: RequiredKey<Vec<LocatedValue<u16>>>,
-    others: Vec<(u16, String)>,
-    origin: Option<Origin>,
 }
 
 impl IdentityFile {
-    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
-        let word = ValueKind::number(0..=u16::MAX);
-        let identity = Self {
-            register: reader.required("register", &ValueKind::text()),
-            mask: reader.optional("mask", &ValueKind::number(1..=u16::MAX)),
-            values: reader
-                .required_list("values", &word)
-                .and_then(|values| filled_with(values, &word, reader.problems())),
-            others: meanings(&mut reader, "others"),
-            origin: facts.origin(&mut reader),
-        };
-        reader.finish();
-        identity
-    }
-
     /// `None` if any part is unusable.
     pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<ModelIdentity> {
-        let values = self
-            .values
-            .as_ref()?
-            .value
-            .iter()
-            .map(|word| word.value)
-            .collect();
+        let values = values_of(&self.values.as_ref()?.value);
         Some(ModelIdentity {
             address: address_of(&self.register.as_ref()?.value, registers)?,
-            mask: self.mask.or(u16::MAX)?,
+            mask: self.mask()?,
             values: fact(values, self.origin.as_ref())?,
             others: self.others.clone(),
         })
     }
 }
 
-/// `[watchdog]`
-pub(in crate::profile) struct WatchdogFile {
-    pub register: RequiredKey<String>,
-    off: RequiredKey<u16>,
-    pub action: OptionalKey<String>,
-    pub action_digit: OptionalKey<u16>,
-    pub keeps_running: OptionalKey<Vec<LocatedValue<u16>>>,
-    pub stops: OptionalKey<Vec<LocatedValue<u16>>>,
-    origin: Option<Origin>,
-}
-
 impl WatchdogFile {
-    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
-        let watchdog = Self {
-            register: reader.required("register", &ValueKind::text()),
-            off: reader.required("off", &ValueKind::number(0..=u16::MAX)),
-            action: reader.optional("action", &ValueKind::text()),
-            action_digit: reader.optional("action_digit", &ValueKind::number(1..=1000)),
-            keeps_running: reader.list("keeps_running", &ValueKind::number(0..=u16::MAX)),
-            stops: reader.list("stops", &ValueKind::number(0..=u16::MAX)),
-            origin: facts.origin(&mut reader),
-        };
-        reader.finish();
-        watchdog
-    }
-
     /// `None` if any part is unusable.
     pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<ModelWatchdog> {
         Some(ModelWatchdog {
@@ -160,8 +129,8 @@ impl WatchdogFile {
                 Some(name) => Some(address_of(&name, registers)?),
             },
             action_digit: self.action_digit.clone().optional()?,
-            keeps_running: words_of(&self.keeps_running)?.unwrap_or_default(),
-            stops: match words_of(&self.stops)? {
+            keeps_running: list_of(&self.keeps_running)?.unwrap_or_default(),
+            stops: match list_of(&self.stops)? {
                 Some(words) => words,
                 None => self.words_that_stop(registers),
             },
@@ -174,7 +143,7 @@ impl WatchdogFile {
         let OptionalKey::Valid(action) = &self.action else {
             return Vec::new();
         };
-        let runs_on = words_of(&self.keeps_running).flatten().unwrap_or_default();
+        let runs_on = list_of(&self.keeps_running).flatten().unwrap_or_default();
         let is_it =
             |register: &&RegisterFile| register.name().is_some_and(|name| *name == action.value);
         let meanings = registers

@@ -1,97 +1,51 @@
-//! `[[run.start]]` and `take_back` of `[run]`: a start in several words.
+//! `[[run.start]]`: a start in several words.
 
-use super::facts::{FactFile, FactReader, Origin, fact, filled_with, optional};
-use crate::profile::model::{StartCondition, StartStep, StartWords};
+use super::facts::{FactReader, Origin, fact};
+use super::kinds::{filled_list, mask, ms, seconds, values_of, word};
+use crate::profile::model::{StartCondition, StartStep};
 use crate::profile::register::{RegisterFile, address_of};
+use crate::toml_file::declare::{declare_table, optional, required, table};
 use crate::toml_file::values::ValueKind;
-use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey, RequiredKey, TableReader};
+use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey};
 use std::time::Duration;
 
 /// The longest wait for the effect of one word.
-const WITHIN_MAX: Duration = Duration::from_secs(10);
+const WITHIN_MAX: Duration = seconds(10);
 
-/// A start in several words, as written.
-#[derive(Default)]
-pub(in crate::profile) struct StartFile {
-    pub steps: Vec<StartStepFile>,
-    pub take_back: Option<FactFile<u16>>,
-}
-
-/// One of `[[run.start]]`
-pub(in crate::profile) struct StartStepFile {
-    pub location: KeyLocation,
-    pub write: RequiredKey<u16>,
-    /// Absent: only time must pass.
-    pub until: OptionalKey<UntilFile>,
-    pub at_least: OptionalKey<Duration>,
-    pub within: OptionalKey<Duration>,
-    origin: Option<Origin>,
-}
-
-/// `until`
-pub(in crate::profile) struct UntilFile {
-    pub register: RequiredKey<String>,
-    pub mask: OptionalKey<u16>,
-    pub values: RequiredKey<Vec<LocatedValue<u16>>>,
-}
-
-impl StartFile {
-    pub(super) fn read(facts: &FactReader<'_>, reader: &mut TableReader<'_, '_>) -> Self {
-        let steps = reader.tables("start").into_iter();
-        Self {
-            steps: steps
-                .map(|section| StartStepFile::read(facts, reader.open(section)))
-                .collect(),
-            take_back: facts.optional_value(reader, "take_back", &ValueKind::number(0..=u16::MAX)),
-        }
+declare_table! {
+    /// The words that are written, in order, before the run word, to the same register. A drive that shows `running` gets the run
+    /// word only; one that already shows what the last of them must bring about, as while its motor still ramps down, gets the run
+    /// word only as well, or the last of them and the run word where the last is `stop`.
+    StartStepFile is "[[run.start]]" at location with facts: &FactReader<'_> {
+        /// The word. It neither runs nor resets.
+        write: RequiredKey<u16> = required(word());
+        /// What the drive must show before the next word.
+        until: OptionalKey<UntilFile> = table(UntilFile::read), without "only time must pass";
+        /// How long after the write the register is read at the earliest; without `until`, when the next word follows. Where the
+        /// last word has no `until`, all of them are `stop`: they go out while the motor may still ramp down.
+        at_least: OptionalKey<Duration> = optional(ValueKind::duration(Duration::ZERO..=WITHIN_MAX)),
+            or Duration::ZERO, without "`\"0s\"`, required without `until`";
+        /// How long the drive may take. If it takes longer, the start is taken back and has failed.
+        within: OptionalKey<Duration> = optional(ValueKind::duration(ms(1)..=WITHIN_MAX)),
+            without "required with `until`";
+        origin: Option<Origin> = facts.sources();
     }
+}
 
-    /// The words that are written beside the orders.
-    pub fn words(&self) -> impl Iterator<Item = &LocatedValue<u16>> {
-        let steps = self.steps.iter().filter_map(|step| step.write.as_ref());
-        steps.chain(self.take_back.iter().filter_map(|fact| fact.value.as_ref()))
-    }
-
-    /// `None` if any part is unusable.
-    pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<StartWords> {
-        let steps = self.steps.iter().map(|step| step.ready(registers));
-        Some(StartWords {
-            steps: steps.collect::<Option<_>>()?,
-            take_back: optional(self.take_back.as_ref())?,
-        })
+declare_table! {
+    /// `until`
+    UntilFile is "run.start.until" {
+        /// The name of the readable register that shows it.
+        register: RequiredKey<String> = required(ValueKind::text());
+        /// The bits that count.
+        mask: OptionalKey<u16> = optional(mask()), or u16::MAX, without "the whole word";
+        /// The masked words, one of which it must hold.
+        values: RequiredKey<Vec<LocatedValue<u16>>> = filled_list(word());
     }
 }
 
 impl StartStepFile {
-    fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
-        let word = ValueKind::number(0..=u16::MAX);
-        let step = Self {
-            location: reader.location().clone(),
-            write: reader.required("write", &word),
-            until: match reader.table("until") {
-                OptionalKey::Absent => OptionalKey::Absent,
-                OptionalKey::Invalid => OptionalKey::Invalid,
-                OptionalKey::Valid(section) => {
-                    let location = section.location;
-                    let value = UntilFile::read(reader.open(section.value));
-                    OptionalKey::Valid(LocatedValue { value, location })
-                }
-            },
-            at_least: reader.optional(
-                "at_least",
-                &ValueKind::duration(Duration::ZERO..=WITHIN_MAX),
-            ),
-            within: reader.optional(
-                "within",
-                &ValueKind::duration(Duration::from_millis(1)..=WITHIN_MAX),
-            ),
-            origin: facts.origin(&mut reader),
-        };
-        reader.finish();
-        step
-    }
-
-    fn ready(&self, registers: &[RegisterFile]) -> Option<StartStep> {
+    pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<StartStep> {
         let until = match &self.until {
             OptionalKey::Absent => None,
             OptionalKey::Invalid => return None,
@@ -102,36 +56,17 @@ impl StartStepFile {
         Some(StartStep {
             write: fact(self.write.as_ref()?.value, self.origin.as_ref())?,
             until,
-            at_least: self.at_least.or(Duration::ZERO)?,
+            at_least: self.at_least()?,
         })
     }
 }
 
 impl UntilFile {
-    fn read(mut reader: TableReader<'_, '_>) -> Self {
-        let word = ValueKind::number(0..=u16::MAX);
-        let until = Self {
-            register: reader.required("register", &ValueKind::text()),
-            mask: reader.optional("mask", &ValueKind::number(1..=u16::MAX)),
-            values: reader
-                .required_list("values", &word)
-                .and_then(|values| filled_with(values, &word, reader.problems())),
-        };
-        reader.finish();
-        until
-    }
-
     fn ready(&self, within: Duration, registers: &[RegisterFile]) -> Option<StartCondition> {
         Some(StartCondition {
             address: address_of(&self.register.as_ref()?.value, registers)?,
-            mask: self.mask.or(u16::MAX)?,
-            values: self
-                .values
-                .as_ref()?
-                .value
-                .iter()
-                .map(|word| word.value)
-                .collect(),
+            mask: self.mask()?,
+            values: values_of(&self.values.as_ref()?.value),
             within,
         })
     }

@@ -1,39 +1,37 @@
 //! `[[run.state]]`: the states of the drive's own state machine, each in the vendor's words.
 
 use super::facts::{FactReader, Origin};
+use super::kinds::{mask, word};
 use crate::profile::model::StateText;
 use crate::profile::register::{RegisterFile, address_of};
+use crate::toml_file::declare::{declare_table, optional, required};
 use crate::toml_file::values::ValueKind;
-use crate::toml_file::{OptionalKey, RequiredKey, TableReader};
+use crate::toml_file::{OptionalKey, RequiredKey};
 
-/// One of `[[run.state]]`
-pub(in crate::profile) struct StateFile {
-    pub register: RequiredKey<String>,
-    pub mask: OptionalKey<u16>,
-    pub value: RequiredKey<u16>,
-    text: RequiredKey<String>,
-    origin: Option<Origin>,
+declare_table! {
+    /// The states of the drive's own state machine in the vendor's words, as `not ready` or `switched on`. They are only shown: in
+    /// `drive_state` of the `state` over MQTT and of `/api/v1`, and beside the word on the page, by `read` and by `watch`. A word
+    /// that is none of them has no text.
+    StateFile is "[[run.state]]" with facts: &FactReader<'_> {
+        /// The name of the polled register that shows all of them.
+        register: RequiredKey<String> = required(ValueKind::text());
+        /// The bits that count.
+        mask: OptionalKey<u16> = optional(mask()), or u16::MAX, without "the whole word";
+        /// The masked word.
+        value: RequiredKey<u16> = required(word());
+        /// The vendor's words for the state.
+        text: RequiredKey<String> = required(ValueKind::text());
+        origin: Option<Origin> = facts.sources();
+    }
 }
 
 impl StateFile {
-    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
-        let state = Self {
-            register: reader.required("register", &ValueKind::text()),
-            mask: reader.optional("mask", &ValueKind::number(1..=u16::MAX)),
-            value: reader.required("value", &ValueKind::number(0..=u16::MAX)),
-            text: reader.required("text", &ValueKind::text()),
-            origin: facts.origin(&mut reader),
-        };
-        reader.finish();
-        state
-    }
-
     /// `None` if any part is unusable.
     pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<StateText> {
         let (confidence, source) = self.origin.clone()?;
         Some(StateText {
             address: address_of(&self.register.as_ref()?.value, registers)?,
-            mask: self.mask.or(u16::MAX)?,
+            mask: self.mask()?,
             value: self.value.as_ref()?.value,
             text: self.text.as_ref()?.value.clone(),
             confidence,

@@ -1,67 +1,103 @@
 //! `[[status]]`, `[[trip]]` and `[[exception]]`: status flags, and the texts of trips and exceptions.
 
 use super::ModelFile;
-use super::facts::{FactFile, FactReader, Origin, filled_with, optional};
+use super::facts::{FactFile, FactReader, Origin, given};
+use super::kinds::{filled_list, mask, values_of, word};
 use crate::domain::address::Address;
 use crate::profile::model::{
     ClearWords, CodeText, ExceptionKind, IndicatedState, MaskedWord, StatusFlag,
 };
 use crate::profile::register::address_of;
 use crate::profile::words::{EXCEPTION_KINDS, FLAGS};
+use crate::toml_file::declare::{KeyForm, declare_table, list, optional, required};
 use crate::toml_file::values::ValueKind;
-use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey, RequiredKey, TableReader};
-use std::ops::RangeInclusive;
+use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey};
 
-/// One of `[[status]]`
-pub(in crate::profile) struct StatusFile {
-    pub flag: RequiredKey<IndicatedState>,
-    pub register: RequiredKey<String>,
-    pub mask: OptionalKey<u16>,
-    pub values: RequiredKey<Vec<LocatedValue<u16>>>,
-    pub clear: OptionalKey<Vec<LocatedValue<u16>>>,
-    pub others_clear: Option<FactFile<()>>,
-    origin: Option<Origin>,
+declare_table! {
+    /// States that a register shows. Rows are distinguished by `flag`.
+    StatusFile is "[[status]]" with facts: &FactReader<'_> {
+        /// The state.
+        flag: RequiredKey<IndicatedState> = required(ValueKind::one_of(&FLAGS));
+        /// The name of the register, which is polled.
+        register: RequiredKey<String> = required(ValueKind::text());
+        /// The bits that count.
+        mask: OptionalKey<u16> = optional(mask()), or u16::MAX, without "the whole word";
+        /// The masked words with which the state holds.
+        values: RequiredKey<Vec<LocatedValue<u16>>> = filled_list(word());
+        /// Masked words with which it does not hold, beside the `values` of the other states of the same bits, the `values` of
+        /// the register and `[[run.state]]`. Of a single bit, and of `ready`, `bus-run` and `bus-frequency`, all other words
+        /// count as such. A word that is named nowhere proves nothing: it ends no stop and clears no trip.
+        clear: OptionalKey<Vec<LocatedValue<u16>>> = list(word());
+        /// A document says that it does not hold with any other word.
+        others_clear: Option<FactFile<()>> = facts.switch(), without "no";
+        origin: Option<Origin> = facts.sources();
+    }
+}
+
+declare_table! {
+    /// The vendor's texts for trips. `code` for a register with role `trip-code` or `trip-cause`, `bit` for one with role
+    /// `trip-bits`. Rows are distinguished by `code` or `bit`.
+    CodeFile is "[[trip]]" at location with facts: &FactReader<'_> {
+        /// Its bit, 0 for the lowest; up to 31 where the register has two words.
+        bit: OptionalKey<u16> = optional(ValueKind::number(0..=LAST_BIT));
+        /// Its number.
+        code after bit: RequiredKey<u16> = code(bit), without "required without `bit`";
+        /// Its meaning.
+        text: RequiredKey<String> = required(ValueKind::text());
+        origin: Option<Origin> = facts.sources();
+    }
+}
+
+declare_table! {
+    /// The vendor's texts for exception codes. Rows are distinguished by `code`.
+    ExceptionFile is "[[exception]]" with facts: &FactReader<'_> {
+        /// What the drive means by it. A write is never tried again for it.
+        kind: OptionalKey<ExceptionKind> = optional(ValueKind::one_of(&EXCEPTION_KINDS)),
+            without "a refusal";
+        /// The code.
+        code: RequiredKey<u16> = required(ValueKind::number(1..=255));
+        /// Its meaning.
+        text: RequiredKey<String> = required(ValueKind::text());
+        origin: Option<Origin> = facts.sources();
+    }
+}
+
+/// The number of a trip or a warning, or of its bit and 1 more. One that has a bit has no `code`.
+fn code(bit: &OptionalKey<u16>) -> KeyForm<'_, RequiredKey<u16>> {
+    KeyForm::of(word(), move |reader, key, kind| {
+        if matches!(bit, OptionalKey::Absent) {
+            return reader.required(key, kind);
+        }
+        if let OptionalKey::Valid(code) = reader.optional(key, kind) {
+            let problem = code.location.problem("has a bit already");
+            reader
+                .problems()
+                .push(problem.right("either `bit` or `code`"));
+        }
+        let bit = bit.valid()?;
+        Some(LocatedValue {
+            value: bit.value + 1,
+            location: bit.location.clone(),
+        })
+    })
 }
 
 impl StatusFile {
-    pub(super) fn read(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
-        let word = ValueKind::number(0..=u16::MAX);
-        let status = Self {
-            flag: reader.required("flag", &ValueKind::one_of(&FLAGS)),
-            register: reader.required("register", &ValueKind::text()),
-            mask: reader.optional("mask", &ValueKind::number(1..=u16::MAX)),
-            values: reader
-                .required_list("values", &word)
-                .and_then(|values| filled_with(values, &word, reader.problems())),
-            clear: reader.list("clear", &word),
-            others_clear: facts.switch(&mut reader, "others_clear"),
-            origin: facts.origin(&mut reader),
-        };
-        reader.finish();
-        status
-    }
-
     /// `None` if any part is unusable.
-    pub(in crate::profile) fn ready(&self, file: &ModelFile) -> Option<StatusFlag> {
+    pub fn ready(&self, file: &ModelFile) -> Option<StatusFlag> {
         let (confidence, source) = self.origin.clone()?;
         let flag = self.flag.as_ref()?.value;
         let address = address_of(&self.register.as_ref()?.value, &file.registers)?;
-        let mask = self.mask.or(u16::MAX)?;
+        let mask = self.mask()?;
         let is_one_bit = mask.is_power_of_two() || address.table().is_of_bits();
-        let others_clear = optional(self.others_clear.as_ref())?;
+        let others_clear = given(&self.others_clear)?;
         let others_are_clear = is_one_bit || flag.is_permission() || others_clear.is_some();
         let clear = if others_are_clear {
             ClearWords::Others
         } else {
             ClearWords::Named(named_words(file, address, mask))
         };
-        let values = self
-            .values
-            .as_ref()?
-            .value
-            .iter()
-            .map(|word| word.value)
-            .collect();
+        let values = values_of(&self.values.as_ref()?.value);
         Some(StatusFlag {
             flag,
             address,
@@ -86,7 +122,7 @@ impl StatusFile {
             .as_ref()
             .and_then(|it| address_of(&it.value, &file.registers))
             == Some(address);
-        let lists = if is_there && self.mask.or(u16::MAX) == Some(mask) {
+        let lists = if is_there && self.mask() == Some(mask) {
             [self.values.as_ref(), self.clear.valid()]
         } else {
             [None, None]
@@ -140,29 +176,19 @@ fn named_words(file: &ModelFile, address: Address, mask: u16) -> Vec<MaskedWord>
 /// The highest bit of two words.
 const LAST_BIT: u16 = 31;
 
-/// One of `[[trip]]`, `[[warning]]` or `[[exception]]`
-pub(in crate::profile) struct CodeFile {
-    pub location: KeyLocation,
-    /// The number; of a bit, its number + 1.
-    pub code: RequiredKey<u16>,
-    /// It is declared by its bit.
-    pub is_bit: bool,
-    text: RequiredKey<String>,
-    /// What the drive means by it, if it is an exception.
-    pub kind: OptionalKey<ExceptionKind>,
-    origin: Option<Origin>,
-}
-
 impl CodeFile {
-    /// An exception.
-    pub(super) fn read_exception(facts: &FactReader<'_>, mut reader: TableReader<'_, '_>) -> Self {
-        let kind = reader.optional("kind", &ValueKind::one_of(&EXCEPTION_KINDS));
-        Self {
-            kind,
-            ..Self::read(facts, 1..=255, reader)
-        }
+    /// Whether it is declared by its bit.
+    pub const fn is_bit(&self) -> bool {
+        !matches!(self.bit, OptionalKey::Absent)
     }
 
+    /// `None` if any part is unusable.
+    pub(super) fn ready(&self) -> Option<CodeText> {
+        code_text(self.code.as_ref(), self.text.as_ref(), self.origin.as_ref())
+    }
+}
+
+impl ExceptionFile {
     /// What the drive means by it, with its code; `None` if it is not stated.
     pub(super) fn ready_kind(&self) -> Option<(u8, ExceptionKind)> {
         Some((
@@ -171,65 +197,22 @@ impl CodeFile {
         ))
     }
 
-    /// An exception, or a trip that has a number, with a code of `codes`.
-    pub(super) fn read(
-        facts: &FactReader<'_>,
-        codes: RangeInclusive<u16>,
-        mut reader: TableReader<'_, '_>,
-    ) -> Self {
-        let code = Self {
-            location: reader.location().clone(),
-            code: reader.required("code", &ValueKind::number(codes)),
-            is_bit: false,
-            text: reader.required("text", &ValueKind::text()),
-            kind: OptionalKey::Absent,
-            origin: facts.origin(&mut reader),
-        };
-        reader.finish();
-        code
-    }
-
-    /// A trip or a warning: either its `code` or its `bit`.
-    pub(super) fn read_code_or_bit(
-        facts: &FactReader<'_>,
-        mut reader: TableReader<'_, '_>,
-    ) -> Self {
-        let bit = reader.optional("bit", &ValueKind::number(0..=LAST_BIT));
-        let is_bit = !matches!(bit, OptionalKey::Absent);
-        if !is_bit {
-            return Self::read(facts, 0..=u16::MAX, reader);
-        }
-        if let OptionalKey::Valid(code) = reader.optional("code", &ValueKind::number(0..=u16::MAX))
-        {
-            let problem = code.location.problem("has a bit already");
-            reader
-                .problems()
-                .push(problem.right("either `bit` or `code`"));
-        }
-        let code = Self {
-            location: reader.location().clone(),
-            code: bit.valid().map(|bit| LocatedValue {
-                value: bit.value + 1,
-                location: bit.location.clone(),
-            }),
-            is_bit,
-            text: reader.required("text", &ValueKind::text()),
-            kind: OptionalKey::Absent,
-            origin: facts.origin(&mut reader),
-        };
-        reader.finish();
-        code
-    }
-
     /// `None` if any part is unusable.
     pub(super) fn ready(&self) -> Option<CodeText> {
-        let (confidence, source) = self.origin.clone()?;
-        let code = self.code.as_ref()?.value;
-        Some(CodeText {
-            code,
-            text: self.text.as_ref()?.value.clone(),
-            confidence,
-            source,
-        })
+        code_text(self.code.as_ref(), self.text.as_ref(), self.origin.as_ref())
     }
+}
+
+fn code_text(
+    code: Option<&LocatedValue<u16>>,
+    text: Option<&LocatedValue<String>>,
+    origin: Option<&Origin>,
+) -> Option<CodeText> {
+    let (confidence, source) = origin?.clone();
+    Some(CodeText {
+        code: code?.value,
+        text: text?.value.clone(),
+        confidence,
+        source,
+    })
 }

@@ -14,6 +14,7 @@ pub(super) use overlay::ROWS;
 pub(super) use overlay::row_of;
 
 use crate::domain::problem::{Problem, alternatives, nearest_names};
+use crate::toml_file::declare::{declare_table, list, optional};
 use crate::toml_file::values::ValueKind;
 use crate::toml_file::{
     KeyLocation, LocatedValue, OptionalKey, TableReader, TomlDocument, document, written,
@@ -52,18 +53,14 @@ impl ModelTexts for NoOtherModels {
     }
 }
 
-/// The keys `like` and `without`.
-pub(super) struct LikeFile {
-    like: OptionalKey<String>,
-    without: OptionalKey<Vec<LocatedValue<String>>>,
-}
-
-impl LikeFile {
-    pub(super) fn read(reader: &mut TableReader<'_, '_>) -> Self {
-        Self {
-            like: reader.optional("like", &ValueKind::text()),
-            without: reader.list("without", &ValueKind::text()),
-        }
+declare_table! {
+    /// The keys `like` and `without`.
+    LikeFile is "" {
+        /// The `id` of another model that this file begins from: then it says only what differs. See
+        /// [below](#a-file-that-begins-from-another-model).
+        like: OptionalKey<String> = optional(ValueKind::text());
+        /// With `like`: what is left out of the other model, as `"watchdog"`, `"run.coast"`, `"register.torque"` or `"trip.7"`.
+        without: OptionalKey<Vec<LocatedValue<String>>> = list(ValueKind::text());
     }
 }
 
@@ -213,7 +210,7 @@ fn taken_out(table: &mut DeTable<'_>, problems: &mut Vec<Problem>) -> LikeFile {
         .into_iter()
         .filter_map(|key| table.remove_entry(key));
     let document = TomlDocument::of(keys.collect());
-    LikeFile::read(&mut TableReader::new(document.section(), problems))
+    LikeFile::keys(&mut TableReader::new(document.section(), problems))
 }
 
 /// The file of the model that `like` names, for a file that the models on `way` begin from.

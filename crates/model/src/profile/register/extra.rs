@@ -1,9 +1,9 @@
 //! Registers that the gateway's configuration adds to a model.
 
 use super::tables::tables_are_served;
-use super::{RegisterFile, addresses_fit, codes_fit, distinct, tables_fit};
+use super::{RegisterFile, RegisterSource, addresses_fit, codes_fit, distinct, tables_fit};
 use crate::domain::problem::Problem;
-use crate::profile::model::{Confidence, Model, Register, RegisterRole};
+use crate::profile::model::{Model, Register, RegisterRole};
 use crate::toml_file::{LocatedValue, TableReader, TomlSection};
 use std::borrow::Cow;
 
@@ -11,16 +11,10 @@ use std::borrow::Cow;
 /// `access`; optionally `table`, `code`, `scale`, `signed` and `poll`. Its confidence is [`Confidence::Configured`], and it
 /// has no role.
 pub fn extra_register(section: TomlSection<'_>, problems: &mut Vec<Problem>) -> RegisterFile {
-    let mut reader = TableReader::new(section, problems);
-    let mut register = RegisterFile::read(&mut reader, None);
-    register.origin = Some((Confidence::Configured, "configuration".to_owned()));
-    reader.refuse(
-        "role",
-        "a register in the configuration has no role",
-        "leave it out",
-    );
-    reader.finish();
-    register
+    RegisterFile::of(
+        &RegisterSource::Configuration,
+        TableReader::new(section, problems),
+    )
 }
 
 /// `model` with the usable registers of `extra`. Duplicate names, codes and addresses are reported, as are addresses and
@@ -89,7 +83,7 @@ fn known_since<'x>(
             model.id, own.name
         );
         if own.role.is_some() {
-            added.to_mut().retain(|it| it != register);
+            added.to_mut().retain(|it| it.address != register.address);
             let problem = location.problem(format!("has no effect: {what}"));
             problems.push(
                 problem
@@ -130,7 +124,7 @@ fn is_harmless(model: &Model, own: &Register) -> bool {
 mod tests {
     use super::*;
     use crate::profile::check;
-    use crate::profile::model::RegisterAccess;
+    use crate::profile::model::{Confidence, RegisterAccess};
     use crate::profile::testing::{EVERYTHING, MODEL, problem_lines};
     use crate::toml_file::document;
 

@@ -9,16 +9,22 @@ use crate::domain::address::{Address, DataTable};
 use crate::domain::problem::Problem;
 pub use extra::{extra_register, with_extra};
 pub(super) use form::{CONFIGURED, FormFile, RawSteps};
+#[cfg(test)]
+pub(super) use form::{FullScaleFile, PartFile, RatioFile, ScaleByFile};
 pub(super) use rules::{addresses_fit, codes_fit, distinct, has_decimal_digits};
 pub(super) use tables::{called, read_by, tables_fit, written_by};
 
-use super::file::Origin;
+use super::file::{FactReader, Origin};
 use super::model::{
-    CodeRule, FactPart, PollClass, Register, RegisterAccess, RegisterMemory, RegisterRole,
+    CodeRule, Confidence, FactPart, PollClass, Register, RegisterAccess, RegisterMemory,
+    RegisterRole,
 };
 use super::scale::steps;
 use super::words::{ACCESSES, MEMORIES, PARTS, POLL_CLASSES, ROLES, TABLES};
 use crate::domain::units::UnitOfMeasure;
+use crate::toml_file::declare::{
+    KeyForm, declare_table, list, listing, no_key, only, optional, required,
+};
 use crate::toml_file::values::ValueKind;
 use crate::toml_file::words::UNITS;
 use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader};
@@ -28,32 +34,108 @@ use std::time::Duration;
 /// The longest time that a drive may be deaf after a write: it cannot be stopped meanwhile.
 const DEAF_MAX: Duration = Duration::from_secs(10);
 
-/// A register as written. Its invalid parts are already reported; its valid parts still take part in the
-/// cross-checks.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RegisterFile {
-    pub(super) name: RequiredKey<String>,
-    pub(super) code: OptionalKey<String>,
-    pub(super) address: RequiredKey<u16>,
-    pub(super) table: OptionalKey<DataTable>,
-    pub(super) access: RequiredKey<RegisterAccess>,
-    pub(super) role: OptionalKey<RegisterRole>,
-    pub(super) unit: RequiredKey<UnitOfMeasure>,
-    pub(super) poll: OptionalKey<PollClass>,
-    pub(super) back_door: OptionalKey<String>,
-    is_link: OptionalKey<bool>,
-    pub(super) deaf_after: OptionalKey<Duration>,
-    pub(super) no_reply: OptionalKey<bool>,
-    title: RequiredKey<String>,
-    pub(super) scale: OptionalKey<RawSteps>,
-    pub(super) signed: OptionalKey<bool>,
-    pub(super) form: FormFile,
-    pub(in crate::profile) memory: OptionalKey<RegisterMemory>,
-    range: OptionalKey<RangeInclusive<i32>>,
-    pub(super) plausible: OptionalKey<RangeInclusive<i32>>,
-    meanings: Vec<(u16, String)>,
-    origin: Option<Origin>,
-    pub(super) not_stated: OptionalKey<Vec<LocatedValue<FactPart>>>,
+declare_table! {
+    /// One register. Leave out what is not documented. Rows are distinguished by `name`.
+    RegisterFile is "[[register]]" with source: &RegisterSource<'_> {
+        /// What it rests on.
+        origin: Option<Origin> = source.origin();
+        /// Its name, unique in the file; what topics, `read` and `write` call it.
+        name: RequiredKey<String> = required(ValueKind::parsed(
+            "snake_case: a to z, 0 to 9 and `_`, a letter first",
+            name,
+        ));
+        /// A description.
+        title: RequiredKey<String> = required(ValueKind::text());
+        /// The vendor's code, as `F007`.
+        code: OptionalKey<String> = optional(ValueKind::text()), without "none";
+        /// The address as it is sent on the wire, counted from 0. Required unless `[codes]` gives it.
+        address after code: RequiredKey<u16> = address(code, source.rule()), without "that of `code`";
+        /// The table of the Modbus data model that the address is in. `functions` lists the ones that read and write it. A coil
+        /// or a discrete input is 0 or 1.
+        table: OptionalKey<DataTable> = optional(ValueKind::one_of(&TABLES)),
+            or DataTable::Holding, without "`holding`";
+        /// Raw steps in one unit: with 100 a raw 4250 is 42.50. Or a ratio: value = raw x per / steps.
+        scale: OptionalKey<RawSteps> = form::steps(), or RawSteps::ONE, without "1";
+        /// Whether the number is in two's complement. Required with `not_stated = ["sign"]`: below half of the range both
+        /// readings agree.
+        signed: OptionalKey<bool> = optional(ValueKind::flag()), or false;
+        /// The unit of the value; `-` for none.
+        unit: RequiredKey<UnitOfMeasure> = required(ValueKind::one_of(&UNITS));
+        /// What the documents say can be done with it.
+        access: RequiredKey<RegisterAccess> = required(ValueKind::one_of(&ACCESSES));
+        /// How often it is read.
+        poll: OptionalKey<PollClass> = optional(ValueKind::one_of(&POLL_CLASSES)),
+            without "on request only";
+        /// What the gateway uses it for. A role belongs to one register, except `trip-history`.
+        role: OptionalKey<RegisterRole> = source.of_model(optional(ValueKind::one_of(&ROLES))),
+            without "none";
+        /// How its words form a value.
+        form: FormFile = source.of_model(no_key(FormFile::keys));
+        /// Where a written value is kept.
+        memory: OptionalKey<RegisterMemory> = source.of_model(optional(ValueKind::one_of(&MEMORIES))),
+            without "not known, treated as `stored`";
+        /// The least and the greatest value that the drive takes, in the unit: `[0.1, 600.0]`.
+        range after scale after signed: OptionalKey<RangeInclusive<i32>> =
+            source.of_model(range(scale, signed)), without "not known";
+        /// What it shows of every drive of this model, in the unit: `[150, 900]`. Until it was seen in this range after the drive
+        /// came into sight, no reading of the drive is shown as good, and every order but a stop is refused (`implausible`): the
+        /// addresses may be off by one, or the drive another one.
+        plausible after scale after signed: OptionalKey<RangeInclusive<i32>> =
+            source.of_model(range(scale, signed)), without "none";
+        /// The meanings of its words, in decimal: `{ "0" = "panel", "2" = "bus" }`.
+        meanings as "values": Vec<(u16, String)> = source.of_model(meanings()), without "none";
+        /// Why no client may ever write it: it is another way to move the motor, or widens its limits.
+        back_door: OptionalKey<String> = source.of_model(optional(ValueKind::text())), without "none";
+        /// Whether it decides how the drive is reached: station, speed, format. `params restore` writes it last, and only on
+        /// request.
+        is_link as "link": OptionalKey<bool> = source.of_model(optional(ValueKind::flag())), or false;
+        /// How long the drive hears nothing after this register was written. A stop is tried at once and sent again then.
+        deaf_after: OptionalKey<Duration> =
+            source.of_model(optional(ValueKind::duration(Duration::from_millis(1)..=DEAF_MAX))),
+            without "none";
+        /// The drive never answers a write of this register, as of one that restarts it. It is written once; its outcome is read
+        /// when the time of `deaf_after` is over. Of all orders only `reset` may be written there.
+        no_reply: OptionalKey<bool> = source.of_model(optional(ValueKind::flag())), or false;
+        /// What of this row its source does not state, so that it is not proven.
+        not_stated: OptionalKey<Vec<LocatedValue<FactPart>>> =
+            source.of_model(list(ValueKind::one_of(&PARTS))), without "none";
+    }
+}
+
+/// Where a register is written.
+pub enum RegisterSource<'s> {
+    /// In the gateway's configuration.
+    Configuration,
+    /// In a model file.
+    Model {
+        /// The reader of its facts.
+        facts: &'s FactReader<'s>,
+        /// Gives the address of a register that states only its code.
+        rule: Option<&'s CodeRule>,
+    },
+}
+
+impl RegisterSource<'_> {
+    fn rule(&self) -> Option<&CodeRule> {
+        match self {
+            Self::Configuration => None,
+            Self::Model { rule, .. } => *rule,
+        }
+    }
+
+    fn origin(&self) -> KeyForm<'_, Option<Origin>> {
+        match self {
+            Self::Configuration => {
+                no_key(|_| Some((Confidence::Configured, "configuration".to_owned())))
+            }
+            Self::Model { facts, .. } => facts.sources(),
+        }
+    }
+
+    /// `form`, of a key that a configuration cannot have.
+    fn of_model<'k, W: Default + 'k>(&self, form: KeyForm<'k, W>) -> KeyForm<'k, W> {
+        only(matches!(self, Self::Model { .. }), form)
+    }
 }
 
 impl RegisterFile {
@@ -65,16 +147,11 @@ impl RegisterFile {
     /// Its address with its table; `None` if one of them is unusable.
     pub(in crate::profile) fn place(&self) -> Option<LocatedValue<Address>> {
         let LocatedValue { value, location } = self.address.as_ref()?;
-        let address = Address::new(self.table.or(DataTable::Holding)?, *value);
+        let address = Address::new(self.table()?, *value);
         Some(LocatedValue {
             value: address,
             location: location.clone(),
         })
-    }
-
-    /// Its table, if that is usable.
-    pub(in crate::profile) fn in_table(&self) -> Option<DataTable> {
-        self.table.or(DataTable::Holding)
     }
 
     /// Where its range is.
@@ -96,15 +173,15 @@ impl RegisterFile {
     /// The register, whose value may depend on others of `all`; `None` if any part is unusable.
     pub(super) fn register_among(&self, all: &[Self]) -> Option<Register> {
         let (confidence, source) = self.origin.clone()?;
-        let scale = self.scale.or(RawSteps::ONE)?;
+        let scale = self.scale()?;
         Some(Register {
             name: self.name.as_ref()?.value.clone(),
             title: self.title.as_ref()?.value.clone(),
             code: self.code.clone().optional()?,
             address: self.place()?.value,
             scale: scale.steps,
-            signed: self.signed.or(false)?,
-            form: self.form.ready(self.in_table()?, scale, all)?,
+            signed: self.signed()?,
+            form: self.form.ready(self.table()?, scale, all)?,
             unit: self.unit.as_ref()?.value,
             access: self.access.as_ref()?.value,
             role: self.role.clone().optional()?,
@@ -116,9 +193,9 @@ impl RegisterFile {
             // Those of `[[run.state]]` are added by the model.
             states: Vec::new(),
             back_door: self.back_door.clone().optional()?,
-            is_link: self.is_link.or(false)?,
+            is_link: self.is_link()?,
             deaf_after: self.deaf_after.clone().optional()?,
-            has_no_reply: self.no_reply.or(false)?,
+            has_no_reply: self.no_reply()?,
             confidence,
             source,
             not_stated: match &self.not_stated {
@@ -129,38 +206,9 @@ impl RegisterFile {
         })
     }
 
-    /// The keys common to all registers; `rule` gives the address of a register that states only its code.
-    fn read(reader: &mut TableReader<'_, '_>, rule: Option<&CodeRule>) -> Self {
-        let name = reader.required(
-            "name",
-            &ValueKind::parsed("snake_case: a to z, 0 to 9 and `_`, a letter first", name),
-        );
-        let title = reader.required("title", &ValueKind::text());
-        let code = reader.optional("code", &ValueKind::text());
-        let register = Self {
-            address: read_address(reader, &code, rule),
-            table: reader.optional("table", &ValueKind::one_of(&TABLES)),
-            name,
-            title,
-            code,
-            scale: form::steps(reader, "scale"),
-            signed: reader.optional("signed", &ValueKind::flag()),
-            unit: reader.required("unit", &ValueKind::one_of(&UNITS)),
-            access: reader.required("access", &ValueKind::one_of(&ACCESSES)),
-            poll: reader.optional("poll", &ValueKind::one_of(&POLL_CLASSES)),
-            form: FormFile::default(),
-            role: OptionalKey::Absent,
-            memory: OptionalKey::Absent,
-            range: OptionalKey::Absent,
-            plausible: OptionalKey::Absent,
-            meanings: Vec::new(),
-            back_door: OptionalKey::Absent,
-            is_link: OptionalKey::Absent,
-            deaf_after: OptionalKey::Absent,
-            no_reply: OptionalKey::Absent,
-            origin: None,
-            not_stated: OptionalKey::Absent,
-        };
+    /// One `[[register]]` of `source`.
+    pub(super) fn of(source: &RegisterSource<'_>, mut reader: TableReader<'_, '_>) -> Self {
+        let register = Self::keys(source, &mut reader);
         let unreadable = register
             .access
             .as_ref()
@@ -173,46 +221,25 @@ impl RegisterFile {
                 problem.right("leave it out, or \"read\" or \"read-write\" if the documents say that it can be read"),
             );
         }
-        register
-    }
-
-    /// One `[[register]]` of a model file whose confidence and source have already been read.
-    pub(super) fn of_model(
-        mut reader: TableReader<'_, '_>,
-        origin: Option<Origin>,
-        rule: Option<&CodeRule>,
-    ) -> Self {
-        let mut register = Self::read(&mut reader, rule);
-        register.role = reader.optional("role", &ValueKind::one_of(&ROLES));
-        register.form = FormFile::read(&mut reader);
-        register.memory = reader.optional("memory", &ValueKind::one_of(&MEMORIES));
-        register.range = register.read_range(&mut reader, "range");
-        register.plausible = register.read_range(&mut reader, "plausible");
-        register.meanings = meanings(&mut reader, "values");
-        register.back_door = reader.optional("back_door", &ValueKind::text());
-        register.is_link = reader.optional("link", &ValueKind::flag());
-        register.deaf_after = reader.optional(
-            "deaf_after",
-            &ValueKind::duration(Duration::from_millis(1)..=DEAF_MAX),
-        );
-        register.no_reply = reader.optional("no_reply", &ValueKind::flag());
-        register.not_stated = reader.list("not_stated", &ValueKind::one_of(&PARTS));
-        register.origin = origin;
+        if matches!(source, RegisterSource::Configuration) {
+            let what = "a register in the configuration has no role";
+            reader.refuse("role", what, "leave it out");
+        }
         reader.finish();
         register
     }
 }
 
-impl RegisterFile {
-    /// The range `key` in the register's unit, as numbers before scaling.
-    fn read_range(
-        &self,
-        reader: &mut TableReader<'_, '_>,
-        key: &'static str,
-    ) -> OptionalKey<RangeInclusive<i32>> {
-        // No register exceeds this range, whatever its scale.
-        let ends = ValueKind::decimal(f64::from(i16::MIN)..=f64::from(u16::MAX));
-        let (list, location) = match reader.list(key, &ends) {
+/// A range in the unit of a register with this scale and sign, as numbers before scaling.
+fn range<'k>(
+    scale: &OptionalKey<RawSteps>,
+    signed: &OptionalKey<bool>,
+) -> KeyForm<'k, OptionalKey<RangeInclusive<i32>>> {
+    // No register exceeds this range, whatever its scale.
+    let ends = ValueKind::decimal(f64::from(i16::MIN)..=f64::from(u16::MAX));
+    let raw = scale.or(RawSteps::ONE).zip(signed.or(false));
+    listing(KeyForm::of(ends, move |reader, key, ends| {
+        let (list, location) = match reader.list(key, ends) {
             OptionalKey::Absent => return OptionalKey::Absent,
             OptionalKey::Invalid => return OptionalKey::Invalid,
             OptionalKey::Valid(LocatedValue { value, location }) => (value, location),
@@ -229,8 +256,7 @@ impl RegisterFile {
             );
             return OptionalKey::Invalid;
         };
-        let (Some(scale), Some(signed)) = (self.scale.or(RawSteps::ONE), self.signed.or(false))
-        else {
+        let Some((scale, signed)) = raw else {
             return OptionalKey::Invalid;
         };
         let mut raw = |end: &LocatedValue<f64>| {
@@ -256,61 +282,58 @@ impl RegisterFile {
             value: low..=high,
             location,
         })
-    }
+    }))
 }
 
-/// `address`, or the address of `code`.
-fn read_address(
-    reader: &mut TableReader<'_, '_>,
-    code: &OptionalKey<String>,
-    rule: Option<&CodeRule>,
-) -> RequiredKey<u16> {
-    let kind = ValueKind::address();
-    match (reader.optional("address", &kind), code.valid()) {
-        (OptionalKey::Valid(address), _) => Some(address),
-        (OptionalKey::Invalid, _) => None,
-        (OptionalKey::Absent, code) => {
-            let by_code = |code: &LocatedValue<String>| {
-                Some(LocatedValue {
-                    value: rule?.address(&code.value)?,
-                    location: code.location.clone(),
-                })
-            };
-            code.and_then(by_code).or_else(|| {
-                let problem = reader
-                    .location()
-                    .missing("address")
-                    .problem("`address` is missing");
-                reader.problems().push(problem.right(kind.right()));
-                None
-            })
+/// The address, or the one that `rule` gives to `code`.
+fn address<'k>(
+    code: &'k OptionalKey<String>,
+    rule: Option<&'k CodeRule>,
+) -> KeyForm<'k, RequiredKey<u16>> {
+    KeyForm::of(ValueKind::address(), move |reader, key, kind| {
+        match reader.optional(key, kind) {
+            OptionalKey::Valid(address) => return Some(address),
+            OptionalKey::Invalid => return None,
+            OptionalKey::Absent => {}
         }
-    }
+        if let Some(code) = code.valid()
+            && let Some(address) = rule.and_then(|rule| rule.address(&code.value))
+        {
+            return Some(LocatedValue {
+                value: address,
+                location: code.location.clone(),
+            });
+        }
+        let missing = reader.location().missing(key);
+        let problem = missing.problem(format!("`{key}` is missing"));
+        reader.problems().push(problem.right(kind.right()));
+        None
+    })
 }
 
-/// The table `values`: the meanings of a register's words, in order of the words.
-pub(super) fn meanings(reader: &mut TableReader<'_, '_>, key: &'static str) -> Vec<(u16, String)> {
-    let OptionalKey::Valid(LocatedValue {
-        value: section,
-        location,
-    }) = reader.table(key)
-    else {
-        return Vec::new();
-    };
-    let inner = reader.open(section);
-    let is_empty = inner.is_empty();
-    let all = inner.all(&ValueKind::text());
-    if is_empty {
-        reader.problems().push(
-            location
-                .problem("is empty")
-                .right("the meaning of at least one word, or leave it out"),
-        );
-    }
-    words_of(all, reader.problems())
-        .into_iter()
-        .map(|(word, text)| (word, text.value))
-        .collect()
+/// A table with the meanings of words, in their order.
+pub(super) fn meanings() -> KeyForm<'static, Vec<(u16, String)>> {
+    let text = ValueKind::text();
+    let right = format!("a table, each {}", text.right());
+    let form = KeyForm::of(text, |reader, key, text| {
+        let OptionalKey::Valid(section) = reader.table(key) else {
+            return Vec::new();
+        };
+        let inner = reader.open(section.value);
+        let is_empty = inner.is_empty();
+        let all = inner.all(text);
+        if is_empty {
+            let problem = section.location.problem("is empty");
+            reader
+                .problems()
+                .push(problem.right("the meaning of at least one word, or leave it out"));
+        }
+        words_of(all, reader.problems())
+            .into_iter()
+            .map(|(word, text)| (word, text.value))
+            .collect()
+    });
+    form.right(right)
 }
 
 /// The entries of a table whose keys are words in decimal, in their order. Other keys are reported and omitted.

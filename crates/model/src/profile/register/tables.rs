@@ -39,7 +39,7 @@ pub(in crate::profile) const fn written_by(table: DataTable) -> [u8; 2] {
 /// or 1.
 pub(in crate::profile) fn tables_fit(written: &[RegisterFile], problems: &mut Vec<Problem>) {
     for register in written {
-        let Some(table) = register.in_table() else {
+        let Some(table) = register.table() else {
             continue;
         };
         let access = register
@@ -112,7 +112,7 @@ pub(super) fn tables_are_served(
     problems: &mut Vec<Problem>,
 ) {
     for register in written {
-        let (Some(table), Some(access)) = (register.in_table(), &register.access) else {
+        let (Some(table), Some(access)) = (register.table(), &register.access) else {
             continue;
         };
         let location = register.table.valid().map(|table| &table.location);
