@@ -9,6 +9,7 @@ pub mod modbus;
 pub mod mqtt;
 pub mod operator;
 pub mod page;
+pub mod points;
 pub mod report;
 mod seal;
 pub mod setup_body;

@@ -1,26 +1,27 @@
 //! The retained topics of one drive: the content of each, and which is to be published next.
 
 use super::history::TopicChange;
-use super::kinds::{TopicKind, kinds};
-use super::points::PublishedPoints;
-use super::slot::{EXPIRY_HEARTBEATS, RenderContext, TopicContent, TopicSlot};
-use super::state::{self, StateSlot};
+use super::slot::{EXPIRY_HEARTBEATS, RenderContext, TopicSlot};
+use super::state::StateSlot;
 use super::topics::MqttTopics;
 use super::types::{Settings, TopicTree};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::ValueReading;
 use crate::drive::view::DriveView;
-use crate::drive::warnings;
 use crate::north::broker::{Publication, Qos};
-use crate::north::shown::{answered_run_state, fresh, stale_at, warning};
-use serde_json::{Value, json};
+use crate::north::points::{
+    DrivePoint, PointContent, PointContext, PointGroup, PublishedPoints, points_of,
+};
+use crate::north::shown::stale_at;
+use serde_json::json;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+
 /// The retained topics of one drive.
 #[derive(Debug)]
 pub(super) struct DriveTopics {
-    slots: Vec<(TopicKind, TopicSlot)>,
+    slots: Vec<(DrivePoint, TopicSlot)>,
     state: StateSlot,
     points: PublishedPoints,
     publish: Vec<TopicTree>,
@@ -37,14 +38,14 @@ pub(super) struct DriveTopics {
 
 impl DriveTopics {
     pub(super) fn new(settings: &Settings, topics: &MqttTopics, drive: &DriveDescription) -> Self {
-        let slot = |(kind, rest): (TopicKind, String)| {
+        let slot = |(point, rest): (DrivePoint, String)| {
             (
-                kind,
+                point,
                 TopicSlot::new(topics.drive(drive.name.as_str(), &rest)),
             )
         };
         Self {
-            slots: kinds(drive).into_iter().map(slot).collect(),
+            slots: points_of(drive).into_iter().map(slot).collect(),
             state: StateSlot::new(topics.drive(drive.name.as_str(), "state")),
             points: PublishedPoints::new(drive),
             publish: settings.publish.clone(),
@@ -74,7 +75,7 @@ impl DriveTopics {
         let slots = self
             .slots
             .iter()
-            .map(|(kind, slot)| (kind.tree(), slot.topic()));
+            .map(|(point, slot)| (tree_of(*point), slot.topic()));
         slots.chain([(Some(TopicTree::State), self.state.topic())])
     }
 
@@ -105,12 +106,12 @@ impl DriveTopics {
         let known = self
             .slots
             .iter_mut()
-            .find(|(kind, _)| *kind == TopicKind::Param(register));
+            .find(|(point, _)| *point == DrivePoint::Param(register));
         match known {
             Some((_, slot)) => slot.forget(),
             None => self
                 .slots
-                .push((TopicKind::Param(register), TopicSlot::new(topic))),
+                .push((DrivePoint::Param(register), TopicSlot::new(topic))),
         }
         self.restart();
     }
@@ -165,23 +166,23 @@ impl DriveTopics {
         drive: &DriveDescription,
         view: &DriveView,
     ) -> Option<Publication> {
-        let kind = self.slots.get(place)?.0;
-        let content = self.content(kind, now, drive, view)?;
-        if !self.publishes(kind.tree()) {
+        let point = self.slots.get(place)?.0;
+        let content = self.content(point, now, drive, view)?;
+        if !self.publishes(tree_of(point)) {
             self.slots.get_mut(place)?.1.see(content);
             return None;
         }
-        let now = now.beating(self.points.heartbeat(kind));
+        let now = now.beating(self.points.heartbeat(point));
         let points = &self.points;
         let slot = &mut self.slots.get_mut(place)?.1;
-        let differ = |old, new| points.differ_on(kind, drive, old, new);
+        let differ = |old, new| points.differ_on(point, drive, old, new);
         let content = slot.offer(&now, content, differ)?;
         // Most walks publish nothing, so the text is written only here.
         let payload = points
-            .shown(kind, content, drive)
+            .shown(point, content, drive)
             .unwrap_or_default()
             .into_bytes();
-        let qos = if kind == TopicKind::Availability {
+        let qos = if point == DrivePoint::Availability {
             Qos::AtLeastOnce
         } else {
             Qos::AtMostOnce
@@ -206,41 +207,44 @@ impl DriveTopics {
             return Vec::new();
         }
         self.recorded = Some(view.clone());
-        let kinds: Vec<_> = self
+        let points: Vec<_> = self
             .slots
             .iter()
-            .map(|(kind, _)| *kind)
-            .filter(|kind| kind.is_recorded())
+            .map(|(point, _)| *point)
+            .filter(|point| point.is_recorded())
             .collect();
-        let contents: Vec<_> = kinds
+        let contents: Vec<_> = points
             .into_iter()
-            .map(|kind| (kind, self.content(kind, now, drive, view)))
+            .map(|point| (point, self.content(point, now, drive, view)))
             .collect();
         let mut changes = Vec::new();
-        for (kind, content) in contents {
+        for (point, content) in contents {
             let (Some(content), Some((_, slot))) =
-                (content, self.slots.iter_mut().find(|(it, _)| *it == kind))
+                (content, self.slots.iter_mut().find(|(it, _)| *it == point))
             else {
                 continue;
             };
             if !slot.record(&content, |old, new| {
-                self.points.differ_on(kind, drive, old, new)
+                self.points.differ_on(point, drive, old, new)
             }) {
                 continue;
             }
-            let register = kind
+            let register = point
                 .register()
                 .and_then(|register| drive.model.registers.get(register));
             let at = register
                 .and_then(|it| view.snapshot.read_at(it))
                 .unwrap_or(now.at);
             let topic = below_drive(slot.topic(), drive).to_owned();
-            let text = self.points.shown(kind, &content, drive).unwrap_or_default();
+            let text = self
+                .points
+                .shown(point, &content, drive)
+                .unwrap_or_default();
             let value = text
                 .parse::<f64>()
                 .map_or_else(|_| json!(text), |number| json!(number));
-            let unit = match (kind, register) {
-                (TopicKind::Polled(_), Some(register)) => Some(register.unit.symbol()),
+            let unit = match (point, register) {
+                (DrivePoint::Polled(_), Some(register)) => Some(register.unit.symbol()),
                 _ => None,
             };
             changes.push(TopicChange {
@@ -258,74 +262,38 @@ impl DriveTopics {
     /// The content of a topic; `None` if it is to be left as it is.
     fn content(
         &self,
-        kind: TopicKind,
+        point: DrivePoint,
         now: &RenderContext,
         drive: &DriveDescription,
         view: &DriveView,
-    ) -> Option<TopicContent> {
-        let trip = || Some(&view.trip).filter(|_| trips_are_fresh(drive, view, now.at));
-        let word = |reading: Option<ValueReading>| {
-            reading.map_or(TopicContent::Cleared, |it| TopicContent::Value(it.value))
-        };
-        Some(match kind {
-            TopicKind::Availability => TopicContent::Text(
-                if view.is_online() {
-                    "online"
-                } else {
-                    "offline"
-                }
-                .into(),
-            ),
-            TopicKind::RunState => TopicContent::Text(answered_run_state(view).keyword().into()),
-            TopicKind::Polled(register) | TopicKind::Rated(register) => word(
-                drive
-                    .model
-                    .registers
-                    .get(register)
-                    .and_then(|it| fresh(drive, it, view, now.at)),
-            ),
-            TopicKind::Setpoint => written(view.control.as_ref().and_then(|it| it.setpoint)),
-            TopicKind::Owner => written(
-                view.control
-                    .as_ref()
-                    .and_then(|it| it.lease)
-                    .map(|(owner, _)| owner),
-            ),
-            TopicKind::TripActive => written(trip().and_then(|it| it.active)),
-            TopicKind::TripCount => written(view.trip_kept.count.filter(|_| trip().is_some())),
-            TopicKind::TripCode => written(code(view).filter(|_| trip().is_some())),
-            TopicKind::TripText => text(trip().and_then(|_| state::active_trip_text(drive, view))),
-            TopicKind::WarningActive => written(warning(drive, view, now.at).map(|word| word != 0)),
-            TopicKind::WarningCode => {
-                written(warning(drive, view, now.at).map(|word| warnings::code(&drive.model, word)))
-            }
-            TopicKind::WarningText => text(
-                warning(drive, view, now.at).and_then(|word| warnings::text(&drive.model, word)),
-            ),
-            // Without a record of our own, the earlier content of the topic is still true.
-            TopicKind::TripLast => {
-                let record = state::record(drive, now.clock, view.trip_kept.last.as_ref()?);
-                TopicContent::Text(Value::Object(record).to_string().into())
-            }
-            TopicKind::Usage(part) => written(view.usage.value(part)),
-            TopicKind::Param(register) => {
-                let is_fresh = |reading: &&ValueReading| now.at < param_stale_at(now, reading);
-                word(self.params.get(&register).filter(is_fresh).copied())
-            }
-        })
+    ) -> Option<PointContent> {
+        if let DrivePoint::Param(register) = point {
+            let is_fresh = |reading: &&ValueReading| now.at < param_stale_at(now, reading);
+            let reading = self.params.get(&register).filter(is_fresh);
+            return Some(reading.map_or(PointContent::Unknown, |it| PointContent::Value(it.value)));
+        }
+        let content = point.content(&PointContext {
+            at: now.at,
+            clock: now.clock,
+            drive,
+            view,
+        });
+        let is_left = content == PointContent::Unknown
+            && matches!(point, DrivePoint::Plain(point) if point.group == PointGroup::TripRecord);
+        (!is_left).then_some(content)
     }
 
     /// Until when nothing is due while the view stays the same.
     fn until(&self, now: &RenderContext, drive: &DriveDescription, view: &DriveView) -> MonoTime {
-        let heartbeat = |kind| now.beating(self.points.heartbeat(kind)).heartbeat;
+        let heartbeat = |point| now.beating(self.points.heartbeat(point)).heartbeat;
         let heartbeats = self
             .slots
             .iter()
-            .map(|(kind, slot)| slot.due(heartbeat(*kind)));
+            .map(|(point, slot)| slot.due(heartbeat(*point)));
         let ends = self
             .slots
             .iter()
-            .filter_map(|(kind, slot)| self.ends_at(*kind, slot, now, drive, view));
+            .filter_map(|(point, slot)| self.ends_at(*point, slot, now, drive, view));
         // The state shows staleness of every polled register, including those without a topic of their own.
         let polled = drive.model.registers.iter().filter(|it| it.poll.is_some());
         let stale = polled
@@ -341,7 +309,7 @@ impl DriveTopics {
     /// When the content of a topic is to be cleared.
     fn ends_at(
         &self,
-        kind: TopicKind,
+        point: DrivePoint,
         slot: &TopicSlot,
         now: &RenderContext,
         drive: &DriveDescription,
@@ -350,24 +318,10 @@ impl DriveTopics {
         if !slot.is_filled() {
             return None;
         }
-        let trips = drive.model.trip_register();
-        let register = match kind {
-            TopicKind::Polled(register) | TopicKind::Rated(register) => {
-                drive.model.registers.get(register)
-            }
-            TopicKind::TripActive
-            | TopicKind::TripCode
-            | TopicKind::TripText
-            | TopicKind::TripCount => trips,
-            TopicKind::WarningActive | TopicKind::WarningCode | TopicKind::WarningText => {
-                drive.model.warning_register()
-            }
-            TopicKind::Param(register) => {
-                return self.params.get(&register).map(|it| param_stale_at(now, it));
-            }
-            _ => None,
-        };
-        stale_at(drive, register?, view)
+        if let DrivePoint::Param(register) = point {
+            return self.params.get(&register).map(|it| param_stale_at(now, it));
+        }
+        stale_at(drive, point.rests_on(drive)?, view)
     }
 
     /// When the finished walk is to be repeated; `None` while one is under way.
@@ -376,40 +330,18 @@ impl DriveTopics {
     }
 }
 
-/// This text; without it the topic is empty.
-fn text(text: Option<String>) -> TopicContent {
-    text.map_or(TopicContent::Cleared, |text| {
-        TopicContent::Text(text.into())
-    })
-}
-
-fn written(value: Option<impl ToString>) -> TopicContent {
-    text(value.map(|value| value.to_string()))
+/// The tree that `point` is part of; `None`: it is always published.
+const fn tree_of(point: DrivePoint) -> Option<TopicTree> {
+    match point {
+        DrivePoint::Availability => None,
+        DrivePoint::Param(_) => Some(TopicTree::Param),
+        _ => Some(TopicTree::Values),
+    }
 }
 
 /// A value that was read once on demand is shown for as long as a broker may keep it.
 fn param_stale_at(now: &RenderContext, reading: &ValueReading) -> MonoTime {
     reading.at + now.heartbeat * EXPIRY_HEARTBEATS
-}
-
-/// Whether what is known of trips is as recent as the register that shows them has to be. One that is not polled is
-/// read in another way.
-pub(in crate::north) fn trips_are_fresh(
-    drive: &DriveDescription,
-    view: &DriveView,
-    at: MonoTime,
-) -> bool {
-    let polled = drive.model.trip_register().filter(|it| it.poll.is_some());
-    polled.is_none_or(|register| fresh(drive, register, view, at).is_some())
-}
-
-/// The number of the cause of the active trip, 0 if none is active; `None` if that is not known.
-pub(in crate::north) fn code(view: &DriveView) -> Option<u16> {
-    if view.trip.active? {
-        view.trip.last.as_ref()?.code
-    } else {
-        Some(0)
-    }
 }
 
 /// The levels of `topic` below those of `drive`.

@@ -4,12 +4,13 @@
 //! On a line with several gateways the active one publishes. A listener publishes nothing of the line and its drives,
 //! and leaves commands to the active one.
 
-use super::slot::{RenderContext, TopicContent, TopicSlot, retained};
+use super::slot::{RenderContext, TopicSlot, retained};
 use super::topics::MqttTopics;
 use crate::domain::ids::Name;
 use crate::domain::standby::{LineRole, StandbyPair, StandbyReport};
 use crate::domain::time::MonoTime;
 use crate::north::broker::{Publication, Qos, SessionLine};
+use crate::north::points::PointContent;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -297,7 +298,7 @@ impl PairMember {
         let text = self.text(true);
         let payload = text.clone().into_bytes();
         self.document
-            .offer(now, TopicContent::Text(text.into()), |_, _| true)?;
+            .offer(now, PointContent::Text(text.into()), |_, _| true)?;
         Some(self.document.publication(now, payload, Qos::AtLeastOnce))
     }
 

@@ -1,6 +1,6 @@
 //! The retained topics of one line, and the documents that describe the gateway and its drives.
 
-use super::slot::{RenderContext, TopicContent, TopicSlot, retained};
+use super::slot::{RenderContext, TopicSlot, retained};
 use super::topics::MqttTopics;
 use crate::domain::ids::Name;
 use crate::domain::report::{LineCounters, LineReport, REPLY_CLASSES, ReplyReport, StationReport};
@@ -9,6 +9,7 @@ use crate::domain::time::MonoTime;
 use crate::domain::version::PROGRAM_VERSION;
 use crate::drive::description::DriveDescription;
 use crate::north::broker::{Publication, Qos, SessionLine};
+use crate::north::points::PointContent;
 use crate::north::shown::{capabilities, millis, site};
 use serde_json::{Value, json};
 use std::time::Duration;
@@ -86,14 +87,14 @@ impl LineTopics {
         let payload = status.clone().into_bytes();
         if self
             .status
-            .offer(now, TopicContent::Text(status.into()), |_, _| true)
+            .offer(now, PointContent::Text(status.into()), |_, _| true)
             .is_some()
         {
             return Some(self.status.publication(now, payload, Qos::AtLeastOnce));
         }
         if let Some((active, half)) = &mut self.active
             && active
-                .offer(now, TopicContent::Text(half.clone().into()), |_, _| true)
+                .offer(now, PointContent::Text(half.clone().into()), |_, _| true)
                 .is_some()
         {
             return Some(active.publication(now, half.clone().into_bytes(), Qos::AtLeastOnce));

@@ -4,9 +4,9 @@
 //! [`MqttSession`] is the whole. Inside it, `topics` knows every topic, `payload`, `command_json` and `params` parse what
 //! clients send, `inputs` and `dispatch` turn it into commands of [`broker`](super::broker), `answers` and `results`
 //! publish their outcomes, `attempts` describes what a refused message attempted, `seen` remembers used ids, `stored`,
-//! `event_queue` and `history` hold what is still to be published, `telemetry` walks the views of the drives, `points`
-//! defines for each register which change is published, and `home_assistant` announces it all. `standby`, `half` and
-//! `peer_events` make it one of several gateways of the same name.
+//! `event_queue` and `history` hold what is still to be published, `telemetry` walks the views of the drives by their
+//! [`points`](super::points), and `home_assistant` announces it all. `standby`, `half` and `peer_events` make it one of
+//! several gateways of the same name.
 
 mod answers;
 mod attempts;
@@ -22,12 +22,10 @@ mod history;
 mod home_assistant;
 mod in_flight;
 mod inputs;
-mod kinds;
 mod line_topics;
 mod params;
 mod payload;
 mod peer_events;
-mod points;
 mod replaced;
 #[cfg(test)]
 mod replaced_tests;
@@ -63,8 +61,5 @@ mod session_tests;
 mod telemetry_tests;
 
 pub use counters::MqttCounters;
-pub(in crate::north) use drive_topics::{code as trip_code, trips_are_fresh};
-pub(in crate::north) use kinds::{TopicKind, kinds};
-pub(in crate::north) use points::PublishedPoints;
 pub use session::MqttSession;
 pub use types::{CombinedEntity, GatewayIdentity, HomeAssistant, LeaseMode, Settings, TopicTree};

@@ -3,8 +3,8 @@
 use crate::domain::time::MonoTime;
 use crate::north::broker::{Publication, Qos};
 use crate::north::clock::LabelClock;
+use crate::north::points::PointContent;
 use crate::profile::scale::ScaledValue;
-use std::borrow::Cow;
 use std::time::Duration;
 
 /// How many heartbeats a broker may keep telemetry that is not renewed (MQTT 5).
@@ -30,24 +30,13 @@ impl RenderContext {
     }
 }
 
-/// The content of a topic.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum TopicContent {
-    /// It is empty.
-    Cleared,
-    /// This text.
-    Text(Cow<'static, str>),
-    /// The value of a register.
-    Value(ScaledValue),
-}
-
 /// One retained topic.
 #[derive(Debug)]
 pub(super) struct TopicSlot {
     topic: String,
-    published: Option<(MonoTime, TopicContent)>,
+    published: Option<(MonoTime, PointContent)>,
     /// The last content that was published or kept for later: it outlives the connection.
-    latest: Option<TopicContent>,
+    latest: Option<PointContent>,
 }
 
 impl TopicSlot {
@@ -64,13 +53,13 @@ impl TopicSlot {
     pub(super) fn offer(
         &mut self,
         now: &RenderContext,
-        content: TopicContent,
+        content: PointContent,
         differ: impl Fn(ScaledValue, ScaledValue) -> bool,
-    ) -> Option<&TopicContent> {
+    ) -> Option<&PointContent> {
         let is_due = match (&self.published, &content) {
             (None, _) => true,
-            (Some((_, TopicContent::Cleared)), TopicContent::Cleared) => false,
-            (Some((at, TopicContent::Value(old))), TopicContent::Value(new)) => {
+            (Some((_, PointContent::Unknown)), PointContent::Unknown) => false,
+            (Some((at, PointContent::Value(old))), PointContent::Value(new)) => {
                 differ(*old, *new) || now.at.since(*at) >= now.heartbeat
             }
             (Some((at, old)), new) => old != new || now.at.since(*at) >= now.heartbeat,
@@ -86,12 +75,12 @@ impl TopicSlot {
     /// content of all is no change, nor is a value becoming unknown.
     pub(super) fn record(
         &mut self,
-        content: &TopicContent,
+        content: &PointContent,
         differ: impl Fn(ScaledValue, ScaledValue) -> bool,
     ) -> bool {
         let is_new = match (&self.latest, content) {
-            (_, TopicContent::Cleared) => return false,
-            (Some(TopicContent::Value(old)), TopicContent::Value(new)) => differ(*old, *new),
+            (_, PointContent::Unknown) => return false,
+            (Some(PointContent::Value(old)), PointContent::Value(new)) => differ(*old, *new),
             (old, new) => old.as_ref() != Some(new),
         };
         let is_first = self.latest.is_none();
@@ -108,22 +97,19 @@ impl TopicSlot {
 
     /// Whether the topic is not empty.
     pub(super) const fn is_filled(&self) -> bool {
-        matches!(
-            self.published,
-            Some((_, TopicContent::Text(_) | TopicContent::Value(_)))
-        )
+        !matches!(self.published, None | Some((_, PointContent::Unknown)))
     }
 
     /// When it is published again although unchanged.
     pub(super) fn due(&self, heartbeat: Duration) -> MonoTime {
         match &self.published {
-            Some((at, TopicContent::Text(_) | TopicContent::Value(_))) => *at + heartbeat,
-            _ => MonoTime::NEVER,
+            None | Some((_, PointContent::Unknown)) => MonoTime::NEVER,
+            Some((at, _)) => *at + heartbeat,
         }
     }
 
     /// Records what would be published if the topic were published.
-    pub(super) fn see(&mut self, content: TopicContent) {
+    pub(super) fn see(&mut self, content: PointContent) {
         self.latest = Some(content);
     }
 

@@ -1,20 +1,18 @@
 //! The `state` of a drive: everything that is known of it, in one retained JSON document.
 
-use super::points::PublishedPoints;
 use super::slot::{RenderContext, retained};
 use crate::domain::command::Owner;
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::ValueReading;
-use crate::drive::view::{ControlView, DriveView, TripRecord};
+use crate::drive::view::{ControlView, DriveView};
 use crate::drive::warnings;
 use crate::drive::watchdog::WatchdogView;
 use crate::journal::trip;
-pub(super) use crate::journal::trip::active_text as active_trip_text;
 use crate::journal::trip::unit;
 use crate::north::broker::{Publication, Qos};
-use crate::north::clock::LabelClock;
+use crate::north::points::PublishedPoints;
 use crate::north::shown;
 use crate::profile::model::{Confidence, IndicatedState, Register};
 use serde_json::{Map, Value, json};
@@ -24,15 +22,6 @@ use std::time::Duration;
 /// Shortest time between two publications of one drive's state: it is large, and what changes faster has topics of its
 /// own.
 const HOLD_OFF: Duration = Duration::from_millis(500);
-
-/// The content of a trip record, by the names of its registers.
-pub(super) fn record(
-    drive: &DriveDescription,
-    clock: LabelClock,
-    record: &TripRecord,
-) -> Map<String, Value> {
-    trip::record(drive, &|at| clock.text(at), record)
-}
 
 /// The topic `state` of one drive.
 #[derive(Debug)]
@@ -246,7 +235,7 @@ fn trip_state(now: &RenderContext, drive: &DriveDescription, view: &DriveView) -
         "count": view.trip_kept.count,
         "seen": view.trip.seen,
         "total": view.trip_kept.total,
-        "last": view.trip_kept.last.as_ref().map(|it| record(drive, now.clock, it)),
+        "last": view.trip_kept.last.as_ref().map(|it| trip::record(drive, &|at| now.clock.text(at), it)),
     })
 }
 

@@ -4,7 +4,7 @@
 use super::drive_topics::DriveTopics;
 use super::history::ChangeHistory;
 use super::line_topics::{InfoTopic, LineTopics, infos};
-use super::slot::{RenderContext, TopicContent, TopicSlot, retained};
+use super::slot::{RenderContext, TopicSlot, retained};
 use super::topics::MqttTopics;
 use super::types::{Settings, TopicTree};
 use crate::domain::ids::Name;
@@ -14,6 +14,7 @@ use crate::drive::snapshot::ValueReading;
 use crate::drive::view::DriveView;
 use crate::north::broker::{MqttVersion, Publication, Qos, SessionLine};
 use crate::north::clock::LabelClock;
+use crate::north::points::PointContent;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
@@ -323,7 +324,7 @@ impl TelemetryTopics {
         }
         let is_due = self
             .status
-            .offer(&now, TopicContent::Text("online".into()), |_, _| true)
+            .offer(&now, PointContent::Text("online".into()), |_, _| true)
             .is_some();
         is_due.then(|| {
             self.status

@@ -12,14 +12,12 @@ use crate::drive::rated::RatedConversion;
 use crate::drive::snapshot::ValueReading;
 use crate::drive::view::{ControlView, DriveView};
 use crate::journal::trip;
+use crate::north::points::RATED_DIGITS;
 use crate::north::shown::{self, quality, stale_at};
 use crate::profile::model::{PollClass, Register, RegisterRole};
 use crate::profile::words::{POLL_CLASSES, ROLES};
 use crate::toml_file::words::word_for;
 use serde_json::{Value, json};
-
-/// Digits of a value that is derived from a rated one.
-const RATED_DIGITS: u8 = 2;
 
 /// One drive with its view.
 #[derive(Clone, Copy, Debug)]

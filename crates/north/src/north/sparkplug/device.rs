@@ -11,7 +11,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
 use crate::north::clock::LabelClock;
-use crate::north::mqtt::PublishedPoints;
+use crate::north::points::{PointContext, PublishedPoints};
 use crate::profile::scale::{Decimal, setpoint_step};
 use std::sync::Arc;
 use std::time::Duration;
@@ -71,7 +71,7 @@ impl SparkplugDevice {
         let definitions = metrics::of_drive(drive);
         Self {
             first_alias,
-            held: vec![MetricContent::Null; definitions.len()],
+            held: vec![MetricContent::NULL; definitions.len()],
             definitions,
             setpoint_step: setpoint_step(&drive.model),
             points: PublishedPoints::new(drive),
@@ -136,10 +136,12 @@ impl SparkplugDevice {
 
     fn look<'l>(&'l self, now: &'l DeviceMoment<'l>) -> MetricContext<'l> {
         MetricContext {
-            at: now.at,
-            clock: now.clock,
-            drive: now.drive,
-            view: now.view,
+            now: PointContext {
+                at: now.at,
+                clock: now.clock,
+                drive: now.drive,
+                view: now.view,
+            },
             points: &self.points,
             last_result: self.last_result.as_ref(),
         }
@@ -237,7 +239,7 @@ impl SparkplugDevice {
             let at_ms = millis(now.clock, look.since(definition, &content));
             let value = look.value(definition, &content);
             let has_quality_changed =
-                (*held == MetricContent::Null) != (content == MetricContent::Null);
+                (*held == MetricContent::NULL) != (content == MetricContent::NULL);
             let entry = MetricChange {
                 metric: place,
                 at_ms,

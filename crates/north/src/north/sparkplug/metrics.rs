@@ -6,17 +6,16 @@ use super::payload::{PayloadType, PropertyScalar, PropertySet};
 use crate::domain::control::ControlSettings;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
-use crate::drive::rated::RatedConversion;
 use crate::drive::usage::UsagePart;
-use crate::north::mqtt::{TopicKind, kinds};
+use crate::north::points::{DrivePoint, PointForm, points_of};
 use crate::north::shown::capabilities;
-use crate::profile::model::{IndicatedState, Register};
+use crate::profile::model::IndicatedState;
 
 /// Where the value of a metric comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum MetricSource {
-    /// The content of an MQTT topic.
-    Topic(TopicKind),
+    /// A point of the drive, which MQTT publishes on a topic.
+    Point(DrivePoint),
     /// Trips that are kept.
     TripTotal,
     /// A part of control.
@@ -103,32 +102,24 @@ impl MetricDefinition {
     pub(super) const fn is_prompt(&self) -> bool {
         !matches!(
             self.source,
-            MetricSource::Topic(TopicKind::Polled(_) | TopicKind::Rated(_) | TopicKind::Usage(_))
+            MetricSource::Point(
+                DrivePoint::Polled(_) | DrivePoint::Rated(_) | DrivePoint::Usage(_)
+            )
         )
     }
 
     /// Whether its changes are kept while no host can be reached.
-    pub(super) const fn is_recorded(&self) -> bool {
-        let is_measured = matches!(
-            self.source,
-            MetricSource::Topic(
-                TopicKind::RunState
-                    | TopicKind::Polled(_)
-                    | TopicKind::Rated(_)
-                    | TopicKind::Setpoint
-            )
-        );
-        is_measured || self.is_trip()
+    pub(super) fn is_recorded(&self) -> bool {
+        matches!(self.source, MetricSource::Point(point) if point.is_recorded()) || self.is_trip()
     }
 
     /// Whether it concerns trips.
-    pub(super) const fn is_trip(&self) -> bool {
-        use TopicKind::{TripActive, TripCode, TripCount, TripLast, TripText};
-        let topic = matches!(
-            self.source,
-            MetricSource::Topic(TripActive | TripCode | TripCount | TripLast | TripText)
-        );
-        topic || matches!(self.source, MetricSource::TripTotal)
+    pub(super) fn is_trip(&self) -> bool {
+        match self.source {
+            MetricSource::Point(point) => point.is_trip(),
+            MetricSource::TripTotal => true,
+            _ => false,
+        }
     }
 
     /// The input that a host writes here; `None`: it may not.
@@ -167,11 +158,11 @@ impl MetricDefinition {
 
 /// The metrics of `drive`, always in the same order.
 pub(super) fn of_drive(drive: &DriveDescription) -> Vec<MetricDefinition> {
-    let topics = kinds(drive)
+    let points = points_of(drive)
         .into_iter()
-        .filter(|(kind, _)| *kind != TopicKind::Availability);
-    let mut all: Vec<_> = topics
-        .map(|(kind, name)| of_topic(drive, kind, name))
+        .filter(|(point, _)| *point != DrivePoint::Availability);
+    let mut all: Vec<_> = points
+        .map(|(point, name)| of_point(drive, point, name))
         .collect();
     all.push(MetricDefinition::new(
         "trip/total",
@@ -232,38 +223,28 @@ pub(super) fn of_drive(drive: &DriveDescription) -> Vec<MetricDefinition> {
     all
 }
 
-fn of_topic(drive: &DriveDescription, kind: TopicKind, name: String) -> MetricDefinition {
-    let datatype = match kind {
-        TopicKind::Polled(_) | TopicKind::Rated(_) | TopicKind::Setpoint | TopicKind::Param(_) => {
-            PayloadType::Double
-        }
-        TopicKind::TripActive | TopicKind::WarningActive => PayloadType::Boolean,
-        TopicKind::TripCode | TopicKind::TripCount | TopicKind::WarningCode => PayloadType::Int32,
-        TopicKind::Usage(UsagePart::Energy | UsagePart::RunningHours) => PayloadType::Double,
-        TopicKind::Usage(UsagePart::Starts | UsagePart::Trips) => PayloadType::Int64,
-        TopicKind::Availability
-        | TopicKind::RunState
-        | TopicKind::Owner
-        | TopicKind::TripText
-        | TopicKind::TripLast
-        | TopicKind::WarningText => PayloadType::Text,
+fn of_point(drive: &DriveDescription, point: DrivePoint, name: String) -> MetricDefinition {
+    let datatype = match point {
+        DrivePoint::Polled(_)
+        | DrivePoint::Rated(_)
+        | DrivePoint::Setpoint
+        | DrivePoint::Param(_) => PayloadType::Double,
+        DrivePoint::Usage(UsagePart::Energy | UsagePart::RunningHours) => PayloadType::Double,
+        DrivePoint::Usage(UsagePart::Starts | UsagePart::Trips) => PayloadType::Int64,
+        DrivePoint::Availability | DrivePoint::RunState => PayloadType::Text,
+        DrivePoint::Plain(point) => match point.form {
+            PointForm::Flag => PayloadType::Boolean,
+            PointForm::Number => PayloadType::Int32,
+            PointForm::Text => PayloadType::Text,
+        },
     };
-    let register = |place: usize| drive.model.registers.get(place);
-    let unit = match kind {
-        TopicKind::Polled(place) => register(place).map(|it| it.unit),
-        TopicKind::Rated(place) => register(place)
-            .and_then(|it| RatedConversion::of(it, &drive.ratings))
-            .map(|rated| rated.unit),
-        TopicKind::Setpoint => Some(UnitOfMeasure::Hertz),
-        TopicKind::Usage(part) => Some(part.unit()),
-        _ => None,
-    };
-    let unit = unit
+    let unit = point
+        .unit(drive)
         .filter(|unit| *unit != UnitOfMeasure::None)
         .map(UnitOfMeasure::symbol);
     MetricDefinition {
         unit,
-        ..MetricDefinition::new(name, MetricSource::Topic(kind), datatype)
+        ..MetricDefinition::new(name, MetricSource::Point(point), datatype)
     }
 }
 
@@ -317,12 +298,4 @@ fn results() -> impl Iterator<Item = MetricDefinition> {
     parts.into_iter().map(|(name, part, datatype)| {
         MetricDefinition::new(name, MetricSource::Result(part), datatype)
     })
-}
-
-/// The register that a metric shows.
-pub(super) fn register(drive: &DriveDescription, source: MetricSource) -> Option<&Register> {
-    let MetricSource::Topic(kind) = source else {
-        return None;
-    };
-    drive.model.registers.get(kind.register()?)
 }

@@ -4,11 +4,10 @@ use super::entity::{DiscoveryEntity, EntityComponent, EntityNeeds, json_at, titl
 use super::{combined, control};
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
-use crate::drive::rated::RatedConversion;
 use crate::drive::usage::UsagePart;
-use crate::north::mqtt::kinds::{TopicKind, kinds};
 use crate::north::mqtt::topics::MqttTopics;
 use crate::north::mqtt::types::CombinedEntity;
+use crate::north::points::{DrivePoint, PlainPoint, PointLook, RATED_DIGITS, points_of};
 use crate::profile::model::{IndicatedState, Model, Register, RegisterRole};
 
 const RUN_STATES: [&str; 7] = [
@@ -33,8 +32,8 @@ pub(super) fn entities(
 ) -> Vec<DiscoveryEntity> {
     let topic = |rest: &str| topics.drive(drive.name.as_str(), rest);
     let mut entities = vec![connected(topic("availability"))];
-    for (kind, rest) in kinds(drive) {
-        entities.extend(shown(drive, kind, &rest, topic(&rest)));
+    for (point, rest) in points_of(drive) {
+        entities.extend(shown(drive, point, &rest, topic(&rest)));
     }
     entities.extend(state_entities(drive, &topic("state")));
     if drive.model.trip_register().is_some() {
@@ -68,70 +67,53 @@ fn connected(topic: String) -> DiscoveryEntity {
         .diagnostic()
 }
 
-/// The content of the topic that shows `kind`.
+/// The content of the topic that shows `point`.
 fn shown(
     drive: &DriveDescription,
-    kind: TopicKind,
+    point: DrivePoint,
     rest: &str,
     topic: String,
 ) -> Vec<DiscoveryEntity> {
-    let model = &drive.model;
-    let sensor = |key: &str, name: &str| {
-        DiscoveryEntity::new(EntityComponent::Sensor, key, name, EntityNeeds::Drive)
-    };
-    let problem = |key: &str, name: &str, topic: String| {
-        let needs = EntityNeeds::Drive;
-        DiscoveryEntity::new(EntityComponent::BinarySensor, key, name, needs)
-            .showing(topic)
-            .words("true", "false")
-            .class("problem")
-    };
-    let text = |key: &str, name: &str, topic: String| {
-        vec![sensor(key, name).showing_text(topic).diagnostic()]
-    };
-    let tells_trips = model.trip_register().is_some();
-    match kind {
-        TopicKind::RunState => run_state(&topic).into(),
-        TopicKind::Polled(place) => model
+    let entity = match point {
+        DrivePoint::RunState => return run_state(&topic).into(),
+        DrivePoint::Polled(place) => drive
+            .model
             .registers
             .get(place)
-            .map(|it| measured(drive, it, rest, topic))
-            .into_iter()
-            .collect(),
-        TopicKind::Rated(place) => {
-            let unit = model
-                .registers
-                .get(place)
-                .and_then(|it| RatedConversion::of(it, &drive.ratings))
-                .map(|it| it.unit);
-            unit.map(|unit| value(rest, topic, unit, Some(2)))
-                .into_iter()
-                .collect()
+            .map(|it| measured(drive, it, rest, topic)),
+        DrivePoint::Rated(_) => point
+            .unit(drive)
+            .map(|unit| value(rest, topic, unit, Some(RATED_DIGITS.into()))),
+        DrivePoint::Setpoint => Some(value(rest, topic, UnitOfMeasure::Hertz, None)),
+        DrivePoint::Plain(point) => plain(&drive.model, point, topic),
+        DrivePoint::Usage(part) => Some(used(part, topic)),
+        // A parameter is read by those who know it.
+        DrivePoint::Availability | DrivePoint::Param(_) => None,
+    };
+    entity.into_iter().collect()
+}
+
+/// What a row of the table of points says of its entity.
+fn plain(model: &Model, point: &PlainPoint, topic: String) -> Option<DiscoveryEntity> {
+    let shown = point.entity.as_ref()?;
+    point.rests_on(model)?;
+    let entity =
+        |component| DiscoveryEntity::new(component, shown.key, shown.title, EntityNeeds::Drive);
+    let problem = |topic| {
+        let entity = entity(EntityComponent::BinarySensor).showing(topic);
+        entity.words("true", "false").class("problem")
+    };
+    let sensor = || entity(EntityComponent::Sensor).diagnostic();
+    Some(match shown.look {
+        PointLook::Problem => problem(topic),
+        PointLook::Notice => problem(topic).diagnostic(),
+        PointLook::Text => sensor().showing_text(topic),
+        PointLook::TripCount => {
+            model.register_for(RegisterRole::TripCount)?;
+            let count = sensor().showing(topic);
+            count.with("state_class", "total_increasing")
         }
-        TopicKind::Setpoint => vec![value(rest, topic, UnitOfMeasure::Hertz, None)],
-        TopicKind::TripActive if tells_trips => {
-            vec![problem("tripped", "Tripped", topic)]
-        }
-        TopicKind::TripCode if tells_trips => text("trip_code", "Trip code", topic),
-        TopicKind::TripText if tells_trips => text("trip_text", "Trip text", topic),
-        TopicKind::TripCount if model.register_for(RegisterRole::TripCount).is_some() => {
-            let count = sensor("trip_count", "Trips").showing(topic).diagnostic();
-            vec![count.with("state_class", "total_increasing")]
-        }
-        TopicKind::WarningActive => {
-            vec![problem("warning", "Warning", topic).diagnostic()]
-        }
-        TopicKind::WarningCode => text("warning_code", "Warning code", topic),
-        TopicKind::WarningText => text("warning_text", "Warning text", topic),
-        TopicKind::Usage(part) => vec![used(part, topic)],
-        // The event shows it, the state shows the owner of control, and a parameter is read by those who know it.
-        TopicKind::TripActive
-        | TopicKind::TripCode
-        | TopicKind::TripText
-        | TopicKind::TripCount
-        | TopicKind::TripLast => Vec::new(),
-        TopicKind::Availability | TopicKind::Owner | TopicKind::Param(_) => Vec::new(),
-    }
+    })
 }
 
 /// A sum of what the drive has used. It is known while the drive is off, too.

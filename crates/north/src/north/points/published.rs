@@ -1,8 +1,8 @@
 //! How each register of a drive is published: which change is news, how often it is repeated without one, and with how
 //! many digits.
 
-use super::kinds::TopicKind;
-use super::slot::TopicContent;
+use super::content::PointContent;
+use super::point::DrivePoint;
 use crate::drive::description::DriveDescription;
 use crate::drive::rated::RatedConversion;
 use crate::profile::model::Register;
@@ -10,11 +10,11 @@ use crate::profile::scale::ScaledValue;
 use std::time::Duration;
 
 /// Digits of a value that is derived from a rated one.
-const RATED_DIGITS: u8 = 2;
+pub const RATED_DIGITS: u8 = 2;
 
 /// How the registers of a drive are published, in the order of its model.
 #[derive(Debug)]
-pub(in crate::north) struct PublishedPoints(Vec<PublishedPoint>);
+pub struct PublishedPoints(Vec<PublishedPoint>);
 
 /// How one register is published.
 #[derive(Clone, Copy, Debug)]
@@ -27,7 +27,7 @@ struct PublishedPoint {
 }
 
 impl PublishedPoints {
-    pub(in crate::north) fn new(drive: &DriveDescription) -> Self {
+    pub fn new(drive: &DriveDescription) -> Self {
         Self(
             drive
                 .model
@@ -38,58 +38,62 @@ impl PublishedPoints {
         )
     }
 
-    /// The heartbeat of a topic that has one of its own.
-    pub(super) fn heartbeat(&self, kind: TopicKind) -> Option<Duration> {
-        match kind {
-            TopicKind::Polled(place) | TopicKind::Rated(place) => self.0.get(place)?.heartbeat,
+    /// The heartbeat of a point that has one of its own.
+    pub fn heartbeat(&self, point: DrivePoint) -> Option<Duration> {
+        match point {
+            DrivePoint::Polled(place) | DrivePoint::Rated(place) => self.0.get(place)?.heartbeat,
             _ => None,
         }
     }
 
-    /// `content` as published on a topic; `None`: the topic is empty.
-    pub(super) fn shown(
+    /// `content` of a point as text; `None` if there is none.
+    pub fn shown(
         &self,
-        kind: TopicKind,
-        content: &TopicContent,
+        point: DrivePoint,
+        content: &PointContent,
         drive: &DriveDescription,
     ) -> Option<String> {
         let all = match content {
-            TopicContent::Cleared => return None,
-            TopicContent::Text(text) => return Some(text.clone().into_owned()),
-            TopicContent::Value(value) => *value,
+            PointContent::Unknown => return None,
+            PointContent::Text(text) => return Some(text.clone().into_owned()),
+            PointContent::Flag(flag) => return Some(flag.to_string()),
+            PointContent::Number(number) => return Some(number.to_string()),
+            PointContent::Hertz(hertz) => return Some(hertz.to_string()),
+            PointContent::Sum(sum) => return Some(sum.to_string()),
+            PointContent::Value(value) => *value,
         };
-        let place = kind.register()?;
+        let place = point.register()?;
         let register = drive.model.registers.get(place)?;
-        Some(match (kind, self.digits(place)) {
-            (TopicKind::Rated(_), digits) => {
+        Some(match (point, self.digits(place)) {
+            (DrivePoint::Rated(_), digits) => {
                 let digits = digits.map_or(RATED_DIGITS, |digits| digits.min(RATED_DIGITS));
                 RatedConversion::of(register, &drive.ratings)?
                     .to_digits(all, digits)
                     .to_string()
             }
-            (TopicKind::Polled(_), Some(digits)) => all.to_digits(digits).to_string(),
+            (DrivePoint::Polled(_), Some(digits)) => all.to_digits(digits).to_string(),
             _ => all.to_string(),
         })
     }
 
-    /// Whether a change of the topic's register from `old` to `new` is news.
-    pub(in crate::north) fn differ_on(
+    /// Whether a change of the point's register from `old` to `new` is news.
+    pub fn differ_on(
         &self,
-        kind: TopicKind,
+        point: DrivePoint,
         drive: &DriveDescription,
         old: ScaledValue,
         new: ScaledValue,
     ) -> bool {
-        let text = |value| self.shown(kind, &TopicContent::Value(value), drive);
-        match kind {
-            TopicKind::Polled(place) => self.differ(place, old, new),
-            TopicKind::Rated(place) => self.differ(place, old, new) && text(old) != text(new),
+        let text = |value| self.shown(point, &PointContent::Value(value), drive);
+        match point {
+            DrivePoint::Polled(place) => self.differ(place, old, new),
+            DrivePoint::Rated(place) => self.differ(place, old, new) && text(old) != text(new),
             _ => old != new,
         }
     }
 
     /// Whether a change of the model's register at `place` from `old` to `new` is news.
-    pub(super) fn differ(&self, place: usize, old: ScaledValue, new: ScaledValue) -> bool {
+    pub fn differ(&self, place: usize, old: ScaledValue, new: ScaledValue) -> bool {
         let Some(point) = self.0.get(place) else {
             return false;
         };
@@ -97,7 +101,7 @@ impl PublishedPoints {
     }
 
     /// The number that is shown for `scaled`, the value of the register at `place`.
-    pub(in crate::north) fn value(&self, place: usize, scaled: ScaledValue) -> f64 {
+    pub fn value(&self, place: usize, scaled: ScaledValue) -> f64 {
         self.digits(place)
             .map_or_else(|| scaled.value(), |digits| scaled.to_digits(digits).value())
     }
