@@ -63,7 +63,7 @@ impl Collector for MetricsScrape {
             .iter()
             .map(|drive| (drive.as_ref(), drive.view.load_full()))
             .collect();
-        each(&mut encoder, table::DRIVE, || {
+        each(&mut encoder, &table::DRIVE, || {
             drives
                 .iter()
                 .map(|(drive, view)| (labels(drive), view.as_ref()))
@@ -289,6 +289,9 @@ where
                 MetricSample::Counter(take) => take(source).map(MetricValue::Count),
                 MetricSample::Sum(take) => take(source).map(MetricValue::Sum),
                 MetricSample::Gauge(take) => take(source).map(MetricValue::Level),
+                MetricSample::Flag(take) => {
+                    take(source).map(|is_set| MetricValue::Level(f64::from(u8::from(is_set))))
+                }
             };
             value.map_or(Ok(()), |value| sample(&mut family, &labels, value))?;
         }

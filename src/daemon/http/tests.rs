@@ -497,20 +497,10 @@ fn metrics_show_what_was_planned_beside_what_was_measured() {
 fn metrics_show_control() {
     let state = state(false);
     let control = ControlView {
-        lease: None,
-        intent: Default::default(),
-        setpoint: None,
         start_inhibited: true,
-        command_pending: false,
-        stop_pending: false,
-        not_effective: false,
-        failsafe: None,
-        output_outside: false,
-        stopped_elsewhere: false,
         epoch: 1,
-        last: None,
         commands: 9,
-        stopped_again: None,
+        ..ControlView::default()
     };
     show(
         &state,
@@ -558,7 +548,7 @@ fn metrics() -> Vec<(&'static table::MetricName, &'static str)> {
     all.extend(names(table::GATEWAY).map(of("-")));
     all.extend(names(table::LINE).map(of("`line`")));
     all.extend(names(table::THREAD).map(of("`line`")));
-    all.extend(names(table::DRIVE).map(of("`line`, `drive`")));
+    all.extend(names(&table::DRIVE).map(of("`line`, `drive`")));
     all.extend(names(table::STATION).map(of("`line`, `drive`")));
     all.extend(names(table::REPLIES).map(of("`line`, `drive`, `class`")));
     all.push((&table::REPLY_TIME, "`line`, `drive`, `class`, `share`"));

@@ -1,12 +1,14 @@
 //! Metrics of drives.
 
-use super::{MetricFamily, MetricName, counter, gauge, plain, seconds, truth};
+use super::{MetricFamily, MetricName, MetricSample, counter, gauge, plain, seconds, truth};
 use crate::domain::report::{ReplyReport, StationReport};
 use crate::drive::usage::UsagePart;
 use crate::drive::view::{ControlView, DriveView};
 use crate::drive::watchdog::WatchdogState;
+use crate::north::points::{FLAGS, FlagGroup};
 use crate::north::shown;
 use prometheus_client::metrics::MetricType;
+use std::sync::LazyLock;
 use std::time::Duration;
 
 /// Each drive as its line sees it; labels `line` and `drive`.
@@ -128,15 +130,27 @@ pub(in super::super) const COMMANDS: MetricName = MetricName {
 };
 
 /// Each drive; labels `line` and `drive`. Metrics of control exist only for drives with a control section.
-pub(in super::super) const DRIVE: &[MetricFamily<DriveView>] = &[
-    gauge("drive_online", "1 while the drive answers.", |view| {
-        truth(view.is_online())
-    }),
-    gauge(
-        "drive_may_still_run",
-        "1 while the drive is out of sight, and its motor was not seen at standstill before.",
-        |view| truth(view.sight.may_still_run),
-    ),
+pub(in super::super) static DRIVE: LazyLock<Vec<MetricFamily<DriveView>>> = LazyLock::new(|| {
+    let of_drive = flags(FlagGroup::Drive);
+    let of_control = flags(FlagGroup::Control);
+    [of_drive, STATE.to_vec(), of_control, CONTROL.to_vec()].concat()
+});
+
+/// The flags of a group.
+fn flags(group: FlagGroup) -> Vec<MetricFamily<DriveView>> {
+    let flags = FLAGS.iter().filter(|flag| flag.group == group);
+    let families = flags.filter_map(|flag| {
+        let (name, help) = flag.metric?;
+        Some(MetricFamily {
+            name: plain(name, None, help),
+            sample: MetricSample::Flag(flag.read),
+        })
+    });
+    families.collect()
+}
+
+/// What is read and counted of each drive.
+const STATE: &[MetricFamily<DriveView>] = &[
     gauge(
         "drive_run_state",
         "0 unknown, 1 stopped, 2 forward, 3 reverse, 4 tripped, 5 offline, 6 running, 7 stopping.",
@@ -220,36 +234,10 @@ pub(in super::super) const DRIVE: &[MetricFamily<DriveView>] = &[
         "Polled registers that the drive refuses to show.",
         |view| u32::try_from(view.refused.len()).ok().map(f64::from),
     ),
-    gauge(
-        "drive_start_inhibited",
-        "1 while RUN needs a stop and a new run command first.",
-        |view| of_control(view, |control| control.start_inhibited),
-    ),
-    gauge(
-        "drive_stop_pending",
-        "1 while a stop is not effective yet.",
-        |view| of_control(view, |control| control.stop_pending),
-    ),
-    gauge(
-        "drive_output_outside",
-        "1 while the output was seen outside the limits or far from the setpoint, and not right since.",
-        |view| of_control(view, |control| control.output_outside),
-    ),
-    gauge(
-        "drive_stopped_elsewhere",
-        "1 while the drive was found stopped in spite of its order to run.",
-        |view| of_control(view, |control| control.stopped_elsewhere),
-    ),
-    gauge(
-        "drive_not_effective",
-        "1 while a stop had no effect in time.",
-        |view| of_control(view, |control| control.not_effective),
-    ),
-    gauge(
-        "drive_failsafe",
-        "1 from the moment a fail-safe action falls due to the next RUN.",
-        |view| of_control(view, |control| control.failsafe.is_some()),
-    ),
+];
+
+/// What is known of control beside the flags.
+const CONTROL: &[MetricFamily<DriveView>] = &[
     gauge(
         "drive_failsafe_stage",
         "How far it has come: 0 none, 1 due, 2 sent, 3 effective, 4 not needed, 5 given up.",

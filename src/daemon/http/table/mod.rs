@@ -24,12 +24,14 @@ pub(super) use line::{LINE, THREAD};
 pub(super) const PREFIX: &str = "vfd_gateway";
 
 /// One family of samples of a `T`.
+#[derive(Clone)]
 pub(super) struct MetricFamily<T> {
     pub name: MetricName,
     pub sample: MetricSample<T>,
 }
 
 /// Name, unit, type and help of one family.
+#[derive(Clone)]
 pub(super) struct MetricName {
     pub name: &'static str,
     pub unit: Option<&'static str>,
@@ -38,10 +40,12 @@ pub(super) struct MetricName {
 }
 
 /// How a sample is taken; it is left out if that returns `None`.
+#[derive(Clone)]
 pub(super) enum MetricSample<T> {
     Counter(fn(&T) -> Option<u64>),
     Sum(fn(&T) -> Option<f64>),
     Gauge(fn(&T) -> Option<f64>),
+    Flag(fn(&T) -> Option<bool>),
 }
 
 const fn counter<T>(

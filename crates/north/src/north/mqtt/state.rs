@@ -12,7 +12,7 @@ use crate::drive::watchdog::WatchdogView;
 use crate::journal::trip;
 use crate::journal::trip::unit;
 use crate::north::broker::{Publication, Qos};
-use crate::north::points::PublishedPoints;
+use crate::north::points::{PublishedPoints, control_flags, status_flags, with_flags};
 use crate::north::shown;
 use crate::profile::model::{Confidence, IndicatedState, Register};
 use serde_json::{Map, Value, json};
@@ -174,7 +174,7 @@ fn document(
         )
     };
     let values: Map<_, _> = polled(drive).map(value).collect();
-    json!({
+    let document = json!({
         "at": now.clock.text(now.at),
         "online": view.is_online(),
         "run_state": shown::answered_run_state(view).keyword(),
@@ -183,17 +183,15 @@ fn document(
         "last_seen": shown::last_seen(view, &now.clock),
         "failsafe": shown::fail_safe(view.control.as_ref(), &now.clock),
         "drive_state": shown::drive_state(drive, view, now.at),
-        "local": view.status.is_local(),
-        "alarm": view.status.alarm,
-        "ready": view.status.ready,
         "watchdog": view.watchdog.as_ref().map(watchdog),
         "values": values,
         "trip": trip_state(now, drive, view),
         "warning": warning_state(now, drive, view),
-        "control": view.control.as_ref().map(|it| control(now, it)),
+        "control": view.control.as_ref().map(|it| control(now, view, it)),
         "usage": shown::usage(view),
         "capabilities": shown::capabilities(drive),
-    })
+    });
+    with_flags(document, status_flags(view))
 }
 
 fn watchdog(watchdog: &WatchdogView) -> Value {
@@ -252,25 +250,19 @@ fn warning_state(now: &RenderContext, drive: &DriveDescription, view: &DriveView
     })
 }
 
-fn control(now: &RenderContext, control: &ControlView) -> Value {
+fn control(now: &RenderContext, view: &DriveView, control: &ControlView) -> Value {
     let lease_until = control
         .lease
         .map(|(_, until)| until)
         .filter(|until| *until != MonoTime::NEVER);
-    json!({
+    let document = json!({
         "owner": control.lease.map(|(owner, _)| owner.to_string()),
         "lease_until": lease_until.map(|until| now.clock.text(until)),
         "intent": shown::intent(control.intent),
         "setpoint_hz": control.setpoint.map(Hertz::as_f64),
-        "start_inhibited": control.start_inhibited,
-        "command_pending": control.command_pending,
-        "stop_pending": control.stop_pending,
-        "not_effective": control.not_effective,
-        "failsafe": control.failsafe.is_some(),
-        "output_outside": control.output_outside,
-        "stopped_elsewhere": control.stopped_elsewhere,
         "epoch": control.epoch,
         "outcome": control.last.map(|report| report.outcome.keyword()),
         "reason": control.last.map(|report| report.reason.keyword()),
-    })
+    });
+    with_flags(document, control_flags(view))
 }

@@ -12,7 +12,7 @@ use crate::drive::rated::RatedConversion;
 use crate::drive::snapshot::ValueReading;
 use crate::drive::view::{ControlView, DriveView};
 use crate::journal::trip;
-use crate::north::points::RATED_DIGITS;
+use crate::north::points::{RATED_DIGITS, control_flags, status_flags, with_flags};
 use crate::north::shown::{self, quality, stale_at};
 use crate::profile::model::{PollClass, Register, RegisterRole};
 use crate::profile::words::{POLL_CLASSES, ROLES};
@@ -61,11 +61,7 @@ impl PageDrive<'_> {
             "output_frequency_hz": self.output_frequency(present.now),
             "setpoint_hz": self.setpoint(present.now),
             "trip": self.trip(present),
-            "status": {
-                "local": view.status.is_local(),
-                "alarm": view.status.alarm,
-                "ready": view.status.ready,
-            },
+            "status": status_flags(view),
             "warning": shown::warning_text(self.description, self.view, present.now),
             "standby": standby.map(LineRole::keyword),
             "watchdog": view.watchdog.map(|watchdog| watchdog.state.keyword()),
@@ -161,7 +157,7 @@ impl PageDrive<'_> {
         let left = lease
             .map(|(_, until)| until)
             .filter(|until| *until != MonoTime::NEVER);
-        json!({
+        let document = json!({
             "can": shown::capabilities(self.description),
             "from": shown::sources(settings),
             "site": shown::site(settings),
@@ -173,19 +169,14 @@ impl PageDrive<'_> {
             "lease_left_ms": left.map(|until| whole_millis(until, now)),
             "intent": shown::intent(view.intent),
             "setpoint_hz": view.setpoint.map(Hertz::as_f64),
-            "start_inhibited": view.start_inhibited,
-            "command_pending": view.command_pending,
-            "stop_pending": view.stop_pending,
-            "not_effective": view.not_effective,
             "failsafe": shown::fail_safe(Some(view), present.clock),
-            "output_outside": view.output_outside,
-            "stopped_elsewhere": view.stopped_elsewhere,
             "last": view.last.map(|report| json!({
                 "outcome": report.outcome.keyword(),
                 "reason": report.reason.keyword(),
                 "message": shown::message(&self.description.model, &report),
             })),
-        })
+        });
+        with_flags(document, control_flags(self.view))
     }
 
     fn value(&self, register: &Register, now: MonoTime) -> Value {

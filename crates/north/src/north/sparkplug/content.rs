@@ -1,9 +1,7 @@
 //! The content of a metric, compared without being written out.
 
 use super::device::LastResult;
-use super::metrics::{
-    ControlPart, MetricDefinition, MetricInput, MetricSource, ResultPart, StatusPart,
-};
+use super::metrics::{MetricDefinition, MetricInput, MetricSource, ResultPart};
 use super::payload::PayloadValue;
 use crate::domain::time::MonoTime;
 use crate::drive::rated::RatedConversion;
@@ -45,8 +43,7 @@ impl MetricContext<'_> {
         MetricContent::Plain(match definition.source {
             MetricSource::Point(point) => self.point(point),
             MetricSource::TripTotal => PointContent::Number(view.trip_kept.total.into()),
-            MetricSource::Control(part) => self.control(part),
-            MetricSource::Status(status) => self.status(status),
+            MetricSource::Flag(flag) => PointContent::flag((flag.read)(view)),
             MetricSource::Watchdog => {
                 PointContent::text(view.watchdog.as_ref().map(|it| it.state.keyword()))
             }
@@ -68,28 +65,6 @@ impl MetricContext<'_> {
             }
             (_, content) => content,
         }
-    }
-
-    fn control(&self, part: ControlPart) -> PointContent {
-        let of = |control: &crate::drive::view::ControlView| match part {
-            ControlPart::StartInhibited => control.start_inhibited,
-            ControlPart::StopPending => control.stop_pending,
-            ControlPart::NotEffective => control.not_effective,
-            ControlPart::FailSafe => control.failsafe.is_some(),
-            ControlPart::OutputOutside => control.output_outside,
-            ControlPart::StoppedElsewhere => control.stopped_elsewhere,
-        };
-        PointContent::flag(self.now.view.control.as_ref().map(of))
-    }
-
-    fn status(&self, status: StatusPart) -> PointContent {
-        let of_view = &self.now.view.status;
-        PointContent::flag(match status {
-            StatusPart::Local => of_view.is_local(),
-            StatusPart::Alarm => of_view.alarm,
-            StatusPart::Ready => of_view.ready,
-            StatusPart::MayStillRun => Some(self.now.view.sight.may_still_run),
-        })
     }
 
     fn result(&self, part: ResultPart) -> MetricContent {

@@ -7,21 +7,18 @@ use crate::domain::control::ControlSettings;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
 use crate::drive::usage::UsagePart;
-use crate::north::points::{DrivePoint, PointForm, points_of};
+use crate::north::points::{DriveFlag, DrivePoint, FLAGS, FlagGroup, PointForm, points_of};
 use crate::north::shown::capabilities;
-use crate::profile::model::IndicatedState;
 
 /// Where the value of a metric comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug)]
 pub(super) enum MetricSource {
     /// A point of the drive, which MQTT publishes on a topic.
     Point(DrivePoint),
     /// Trips that are kept.
     TripTotal,
-    /// A part of control.
-    Control(ControlPart),
-    /// A part of a status register.
-    Status(StatusPart),
+    /// What is or is not so.
+    Flag(&'static DriveFlag),
     /// The state of the drive's own watchdog.
     Watchdog,
     /// The last command from a host.
@@ -34,26 +31,6 @@ pub(super) enum MetricSource {
     Unit,
     /// An input that a host writes.
     Input(MetricInput),
-}
-
-/// A part of control.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum ControlPart {
-    StartInhibited,
-    StopPending,
-    NotEffective,
-    OutputOutside,
-    StoppedElsewhere,
-    FailSafe,
-}
-
-/// A part of a status register.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum StatusPart {
-    Local,
-    Alarm,
-    Ready,
-    MayStillRun,
 }
 
 /// A part of the outcome of a command.
@@ -169,28 +146,7 @@ pub(super) fn of_drive(drive: &DriveDescription) -> Vec<MetricDefinition> {
         MetricSource::TripTotal,
         PayloadType::Int64,
     ));
-    let flags = [
-        ("status/may_still_run", StatusPart::MayStillRun, true),
-        (
-            "status/local",
-            StatusPart::Local,
-            drive.model.status_flag(IndicatedState::BusRun).is_some(),
-        ),
-        (
-            "status/alarm",
-            StatusPart::Alarm,
-            drive.model.status_flag(IndicatedState::Alarm).is_some(),
-        ),
-        (
-            "status/ready",
-            StatusPart::Ready,
-            drive.model.status_flag(IndicatedState::Ready).is_some(),
-        ),
-    ];
-    let flags = flags.into_iter().filter(|(_, _, has_it)| *has_it);
-    all.extend(flags.map(|(name, status, _)| {
-        MetricDefinition::new(name, MetricSource::Status(status), PayloadType::Boolean)
-    }));
+    all.extend(flags(drive, "status"));
     if drive.model.watchdog.is_some() {
         all.push(MetricDefinition::new(
             "watchdog/state",
@@ -198,12 +154,12 @@ pub(super) fn of_drive(drive: &DriveDescription) -> Vec<MetricDefinition> {
             PayloadType::Text,
         ));
     }
-    if let Some(control) = &drive.control {
-        all.extend(of_control());
-        if control.from_sparkplug {
-            all.extend(inputs(drive, control));
-            all.extend(results());
-        }
+    all.extend(flags(drive, "control"));
+    if let Some(control) = &drive.control
+        && control.from_sparkplug
+    {
+        all.extend(inputs(drive, control));
+        all.extend(results());
     }
     all.push(MetricDefinition::new(
         "Properties/model",
@@ -248,18 +204,24 @@ fn of_point(drive: &DriveDescription, point: DrivePoint, name: String) -> Metric
     }
 }
 
-fn of_control() -> impl Iterator<Item = MetricDefinition> {
-    let parts = [
-        ("control/start_inhibited", ControlPart::StartInhibited),
-        ("control/stop_pending", ControlPart::StopPending),
-        ("control/not_effective", ControlPart::NotEffective),
-        ("control/output_outside", ControlPart::OutputOutside),
-        ("control/stopped_elsewhere", ControlPart::StoppedElsewhere),
-        ("control/failsafe", ControlPart::FailSafe),
-    ];
-    parts.into_iter().map(|(name, part)| {
-        MetricDefinition::new(name, MetricSource::Control(part), PayloadType::Boolean)
+/// The flags of `drive` that are shown below `folder`.
+fn flags(drive: &DriveDescription, folder: &str) -> impl Iterator<Item = MetricDefinition> {
+    let mut flags: Vec<_> = FLAGS
+        .iter()
+        .filter(|flag| flag.birth.is_some() && folder_of(flag) == folder && flag.is_of(drive))
+        .collect();
+    flags.sort_by_key(|flag| flag.birth);
+    flags.into_iter().map(move |flag| {
+        let name = format!("{folder}/{}", flag.key);
+        MetricDefinition::new(name, MetricSource::Flag(flag), PayloadType::Boolean)
     })
+}
+
+fn folder_of(flag: &DriveFlag) -> &'static str {
+    match flag.group {
+        FlagGroup::Drive | FlagGroup::Status => "status",
+        FlagGroup::Control => "control",
+    }
 }
 
 fn inputs(drive: &DriveDescription, control: &ControlSettings) -> Vec<MetricDefinition> {

@@ -7,9 +7,10 @@ mod status;
 mod table;
 mod words;
 
+pub use crate::north::points::alarm;
 pub use column::{ABSENT, ABSENT_SIGNED};
 pub use order::{presses_stop, run};
-pub use status::{alarm, bit, capability};
+pub use status::{bit, capability};
 pub(super) use table::WORDS;
 
 use super::ask::{BitTable, ModbusRequest, WordTable};

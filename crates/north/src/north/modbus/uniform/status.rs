@@ -9,6 +9,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::snapshot::DrivePresence;
 use crate::drive::view::{DriveView, RunState};
+use crate::north::points::{FLAGS, alarm};
 use crate::profile::model::{IndicatedState, Model, RegisterRole};
 
 /// Status bits: uniform word 1 and the discrete inputs with the same numbers.
@@ -42,24 +43,6 @@ pub mod bit {
     pub const WARNING: u16 = 1 << 12;
     /// This gateway only listens on the drive's line: another one is active, or may be.
     pub const STANDBY: u16 = 1 << 13;
-}
-
-/// Alarm bits: uniform word 17.
-pub mod alarm {
-    /// A stop had no effect in time.
-    pub const NOT_EFFECTIVE: u16 = 1;
-    /// A fail-safe action fell due since the last RUN.
-    pub const FAIL_SAFE: u16 = 1 << 1;
-    /// A polled value is stale, or none was read yet.
-    pub const STALE: u16 = 1 << 2;
-    /// The line's port is closed.
-    pub const LINE_DOWN: u16 = 1 << 3;
-    /// The drive is out of sight and was not seen at standstill.
-    pub const MAY_STILL_RUN: u16 = 1 << 4;
-    /// The output is outside the limits, or far from the setpoint.
-    pub const OUTPUT_OUTSIDE: u16 = 1 << 5;
-    /// The drive has stopped following its order to run.
-    pub const STOPPED_ELSEWHERE: u16 = 1 << 6;
 }
 
 /// Capability bits: uniform word 26.
@@ -154,31 +137,14 @@ pub(super) fn status(
 
 /// Uniform word 17.
 pub(super) fn alarms(sources: &MeasurementSources, view: &DriveView, now: MonoTime) -> u16 {
-    let control = view.control.as_ref();
-    [
-        (
-            control.is_some_and(|control| control.not_effective),
-            alarm::NOT_EFFECTIVE,
-        ),
-        (
-            control.is_some_and(|control| control.failsafe.is_some()),
-            alarm::FAIL_SAFE,
-        ),
-        (sources.is_stale(view, now), alarm::STALE),
-        (!view.line_is_up, alarm::LINE_DOWN),
-        (view.sight.may_still_run, alarm::MAY_STILL_RUN),
-        (
-            control.is_some_and(|control| control.output_outside),
-            alarm::OUTPUT_OUTSIDE,
-        ),
-        (
-            control.is_some_and(|control| control.stopped_elsewhere),
-            alarm::STOPPED_ELSEWHERE,
-        ),
-    ]
-    .into_iter()
-    .filter_map(|(is_set, bit)| is_set.then_some(bit))
-    .sum()
+    let flags = FLAGS.iter().filter(|flag| (flag.read)(view) == Some(true));
+    let stale = if sources.is_stale(view, now) {
+        alarm::STALE
+    } else {
+        0
+    };
+    let down = if view.line_is_up { 0 } else { alarm::LINE_DOWN };
+    flags.map(|flag| flag.alarm).sum::<u16>() | stale | down
 }
 
 /// Uniform word 15: the status bits that can ever be set for this drive.

@@ -7,8 +7,10 @@ use crate::drive::description::DriveDescription;
 use crate::drive::usage::UsagePart;
 use crate::north::mqtt::topics::MqttTopics;
 use crate::north::mqtt::types::CombinedEntity;
-use crate::north::points::{DrivePoint, PlainPoint, PointLook, RATED_DIGITS, points_of};
-use crate::profile::model::{IndicatedState, Model, Register, RegisterRole};
+use crate::north::points::{
+    DrivePoint, FLAGS, FlagGroup, FlagLook, PlainPoint, PointLook, RATED_DIGITS, points_of,
+};
+use crate::profile::model::{Model, Register, RegisterRole};
 
 const RUN_STATES: [&str; 7] = [
     "unknown", "stopped", "forward", "reverse", "running", "stopping", "tripped",
@@ -217,14 +219,6 @@ fn value(rest: &str, topic: String, unit: UnitOfMeasure, decimals: Option<u32>) 
 
 /// What only the drive's JSON document shows.
 fn state_entities(drive: &DriveDescription, topic: &str) -> Vec<DiscoveryEntity> {
-    let sensor = |key: &str, name: &str, template: String| {
-        let entity =
-            DiscoveryEntity::new(EntityComponent::BinarySensor, key, name, EntityNeeds::Drive);
-        entity
-            .made_of(topic.to_owned(), template)
-            .words("True", "False")
-            .diagnostic()
-    };
     // It is about a drive that is not there.
     let unseen = DiscoveryEntity::new(
         EntityComponent::BinarySensor,
@@ -248,30 +242,35 @@ fn state_entities(drive: &DriveDescription, topic: &str) -> Vec<DiscoveryEntity>
             .diagnostic()
             .icon("mdi:eye-off"),
     ];
-    if has(
-        &drive.model,
-        &[IndicatedState::BusRun, IndicatedState::BusFrequency],
-    ) {
-        entities.push(sensor("local", "Local control", json_at("local")));
-    }
-    if has(&drive.model, &[IndicatedState::Alarm]) {
-        entities.push(sensor("alarm", "Alarm of the drive", json_at("alarm")).class("problem"));
-    }
-    if has(&drive.model, &[IndicatedState::Ready]) {
-        entities.push(sensor("ready", "Ready", json_at("ready")));
-    }
+    let sensor = |key: &str, name: &str, template: String| {
+        let entity =
+            DiscoveryEntity::new(EntityComponent::BinarySensor, key, name, EntityNeeds::Drive);
+        entity
+            .made_of(topic.to_owned(), template)
+            .words("True", "False")
+            .diagnostic()
+    };
+    let flags = |group, path: &'static str| {
+        let flags = FLAGS
+            .iter()
+            .filter(move |it| it.group == group && it.is_of(drive));
+        flags.filter_map(move |flag| {
+            let (look, title) = flag.entity?;
+            let entity = sensor(flag.key, title, json_at(&format!("{path}{}", flag.key)));
+            Some(match look {
+                FlagLook::Plain => entity,
+                FlagLook::Problem => entity.class("problem"),
+            })
+        })
+    };
+    entities.extend(flags(FlagGroup::Status, ""));
     if drive.model.watchdog.is_some() {
         entities.push(
             sensor("watchdog", "Watchdog of the drive", WATCHDOG.to_owned()).class("problem"),
         );
     }
+    entities.extend(flags(FlagGroup::Control, "control."));
     if drive.control.is_some() {
-        let control = |key: &str, name: &str| sensor(key, name, json_at(&format!("control.{key}")));
-        entities.push(control("start_inhibited", "Start inhibited"));
-        entities.push(control("not_effective", "Stop without effect").class("problem"));
-        entities.push(control("failsafe", "Fail-safe action").class("problem"));
-        entities.push(control("output_outside", "Output outside limits").class("problem"));
-        entities.push(control("stopped_elsewhere", "Stopped elsewhere").class("problem"));
         let owner = DiscoveryEntity::new(
             EntityComponent::Sensor,
             "owner",
@@ -286,8 +285,4 @@ fn state_entities(drive: &DriveDescription, topic: &str) -> Vec<DiscoveryEntity>
         );
     }
     entities
-}
-
-fn has(model: &Model, flags: &[IndicatedState]) -> bool {
-    flags.iter().any(|flag| model.status_flag(*flag).is_some())
 }
