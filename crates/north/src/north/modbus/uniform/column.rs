@@ -31,22 +31,17 @@ pub(super) struct FreshValue {
 }
 
 impl MeasurementSource {
-    /// The measurement with `role`; `None` if the model does not have it, does not poll it, or has it in another unit
-    /// (in per cent of a rated value that is not stated, for instance).
+    /// The measurement with `role`, of the frequency setting as the drive holds it; `None` if the model does not have it,
+    /// does not poll it, or has it in another unit (in per cent of a rated value that is not stated, for instance).
     pub(super) fn new(
         drive: &DriveDescription,
         role: RegisterRole,
         unit: UnitOfMeasure,
     ) -> Option<Self> {
-        Self::of(drive, drive.model.register_for(role)?, unit)
-    }
-
-    /// The measurement of `register`; `None` as with [`Self::new`].
-    pub(super) fn of(
-        drive: &DriveDescription,
-        register: &Register,
-        unit: UnitOfMeasure,
-    ) -> Option<Self> {
+        let register = match role {
+            RegisterRole::FrequencySetting => drive.model.setting_register()?,
+            _ => drive.model.register_for(role)?,
+        };
         let rated =
             RatedConversion::of(register, &drive.ratings).filter(|rated| rated.unit == unit);
         if register.unit != unit && rated.is_none() {

@@ -8,20 +8,13 @@ use crate::drive::description::{DriveDescription, FreshnessLimits};
 use crate::drive::usage::UsageParts;
 use crate::drive::view::DriveView;
 use crate::profile::model::{PollClass, Register, RegisterRole};
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 /// The measurements that the model has, polls, and has in the unit of the map.
 #[derive(Clone, Debug)]
 pub(super) struct MeasurementSources {
-    pub(super) output_frequency: Option<MeasurementSource>,
-    pub(super) setting: Option<MeasurementSource>,
-    pub(super) current: Option<MeasurementSource>,
-    pub(super) voltage: Option<MeasurementSource>,
-    pub(super) dc_voltage: Option<MeasurementSource>,
-    pub(super) power: Option<MeasurementSource>,
-    pub(super) torque: Option<MeasurementSource>,
-    pub(super) temperature: Option<MeasurementSource>,
-    pub(super) run_hours: Option<MeasurementSource>,
+    measurements: BTreeMap<RegisterRole, MeasurementSource>,
     /// Every register that is polled while it may change, with the age from which it is stale.
     pub(super) polled: Vec<(Register, FreshnessLimits)>,
     /// Trips are shown or counted.
@@ -39,25 +32,20 @@ fn is_live(register: &&Register) -> bool {
 }
 
 impl MeasurementSources {
-    pub(super) fn new(drive: &DriveDescription) -> Self {
-        let column = |role, unit| MeasurementSource::new(drive, role, unit);
+    /// Those of `wanted`, by their roles and the units of the map.
+    pub(super) fn new(
+        drive: &DriveDescription,
+        wanted: impl Iterator<Item = (RegisterRole, UnitOfMeasure)>,
+    ) -> Self {
         let registers = drive.model.registers.iter();
         let has_trips = drive
             .model
             .trip_register()
             .is_some_and(|register| register.poll.is_some());
-        let setting = drive.model.setting_register();
         Self {
-            output_frequency: column(RegisterRole::OutputFrequency, UnitOfMeasure::Hertz),
-            setting: setting
-                .and_then(|register| MeasurementSource::of(drive, register, UnitOfMeasure::Hertz)),
-            current: column(RegisterRole::OutputCurrent, UnitOfMeasure::Ampere),
-            voltage: column(RegisterRole::OutputVoltage, UnitOfMeasure::Volt),
-            dc_voltage: column(RegisterRole::DcLinkVoltage, UnitOfMeasure::Volt),
-            power: column(RegisterRole::OutputPower, UnitOfMeasure::Kilowatt),
-            torque: column(RegisterRole::Torque, UnitOfMeasure::Percent),
-            temperature: column(RegisterRole::Temperature, UnitOfMeasure::Celsius),
-            run_hours: column(RegisterRole::RunHours, UnitOfMeasure::Hour),
+            measurements: wanted
+                .filter_map(|(role, unit)| Some((role, MeasurementSource::new(drive, role, unit)?)))
+                .collect(),
             polled: registers
                 .filter(is_live)
                 .filter_map(|it| Some((it.clone(), drive.freshness(it)?)))
@@ -72,13 +60,16 @@ impl MeasurementSources {
         }
     }
 
+    /// The measurement with `role`.
+    pub(super) fn measurement(&self, role: RegisterRole) -> Option<&MeasurementSource> {
+        self.measurements.get(&role)
+    }
+
     /// Whether the output frequency, which is fresh, is within 0.1 Hz of the setpoint that was ordered with the RUN in force.
     /// Without such an order, of the drive's own setting, which is fresh as well.
     pub(super) fn is_at_setpoint(&self, view: &DriveView, now: MonoTime) -> bool {
-        let fresh = |column: &Option<MeasurementSource>| {
-            Some(column.as_ref()?.fresh(view, now)?.magnitude())
-        };
-        let output = fresh(&self.output_frequency);
+        let fresh = |role| Some(self.measurement(role)?.fresh(view, now)?.magnitude());
+        let output = fresh(RegisterRole::OutputFrequency);
         let ordered = view
             .control
             .as_ref()
@@ -86,7 +77,7 @@ impl MeasurementSources {
         let ordered = ordered
             .and_then(|control| control.setpoint)
             .map(FreshValue::of);
-        let wanted = ordered.or_else(|| fresh(&self.setting));
+        let wanted = ordered.or_else(|| fresh(RegisterRole::FrequencySetting));
         output
             .zip(wanted)
             .is_some_and(|(output, wanted)| output.is_near(wanted))

@@ -161,7 +161,9 @@ pub(super) fn reported(drive: &DriveDescription, sources: &MeasurementSources) -
             .run
             .as_ref()
             .is_some_and(|run| run.reverse.is_some());
-    let turns = sources.output_frequency.is_some() || has_flag(IndicatedState::Running);
+    let measures = |role| sources.measurement(role).is_some();
+    let shows_output = measures(RegisterRole::OutputFrequency);
+    let turns = shows_output || has_flag(IndicatedState::Running);
     let with_control = bit::ACCEPTS | bit::PENDING | bit::LEASED | bit::INHIBITED;
     [
         (true, bit::ONLINE),
@@ -172,8 +174,7 @@ pub(super) fn reported(drive: &DriveDescription, sources: &MeasurementSources) -
         ),
         (sources.has_trips, bit::TRIPPED),
         (
-            sources.output_frequency.is_some()
-                && (sources.setting.is_some() || sources.has_control),
+            shows_output && (measures(RegisterRole::FrequencySetting) || sources.has_control),
             bit::AT_SETPOINT,
         ),
         (sources.has_control, with_control),

@@ -5,10 +5,16 @@ use super::super::map::{
     TRIP, TRIPS, row,
 };
 use super::column::{ABSENT, ABSENT_SIGNED, MeasurementSource};
-use super::sources::MeasurementSources;
 use super::words::{WordContext, age_word, life};
 use super::{CONTROL_LAST, MAP_VERSION, PICTURE_WORDS, UniformUnit, address, status};
+use crate::domain::units::UnitOfMeasure::{
+    self, Ampere, Celsius, Hertz, Hour, Kilowatt, Percent, Volt,
+};
 use crate::drive::usage::UsagePart;
+use crate::profile::model::RegisterRole::{
+    self, DcLinkVoltage, FrequencySetting, OutputCurrent, OutputFrequency, OutputPower,
+    OutputVoltage, RunHours, Temperature, Torque,
+};
 
 /// One row of words.
 pub(in super::super) struct WordRow {
@@ -23,11 +29,8 @@ pub(in super::super) struct WordRow {
 enum WordSource {
     /// This reads it.
     State(fn(&UniformUnit, &WordContext<'_>) -> u16),
-    /// The measurement found by this function, with its number of steps per unit.
-    Measurement(
-        fn(&MeasurementSources) -> Option<&MeasurementSource>,
-        WordSteps,
-    ),
+    /// The measurement with this role, in this unit and with its number of steps.
+    Measurement(RegisterRole, UnitOfMeasure, WordSteps),
     /// This sum of what the drive has used, in this many steps per unit.
     Usage(UsagePart, u64),
 }
@@ -62,6 +65,7 @@ enum Capability {
 }
 
 const TENTHS: WordSteps = WordSteps::Unsigned(10);
+const FINE: WordSteps = WordSteps::Unsigned(100);
 const OUTCOMES: RowContent = RowContent::Codes(
     "0 none so far, 1 refused, 2 expired, 3 superseded, 4 failed, 5 unknown, 6 acknowledged, 7 confirmed",
 );
@@ -79,7 +83,6 @@ const CAPABILITIES: RowContent =
     RowContent::Codes("bit 0 forward, 1 reverse, 2 coast, 3 reset, 4 setpoint, 5 release, 6 take");
 
 type Read = fn(&UniformUnit, &WordContext<'_>) -> u16;
-type Find = fn(&MeasurementSources) -> Option<&MeasurementSource>;
 
 const fn state(address: u16, name: &'static str, holds: RowContent, read: Read) -> WordRow {
     WordRow {
@@ -101,17 +104,21 @@ const fn control(address: u16, name: &'static str, holds: RowContent, read: Read
 const fn measured(
     address: u16,
     name: &'static str,
-    step: &'static str,
-    unit: &'static str,
+    role: RegisterRole,
+    unit: UnitOfMeasure,
     steps: WordSteps,
-    find: Find,
 ) -> WordRow {
+    let step = match steps {
+        WordSteps::Unsigned(count) | WordSteps::Signed(count) => step_text(count),
+        WordSteps::Frequency => step_text(100),
+        WordSteps::Long => step_text(1),
+    };
     let row = row(
         MapUnit::Uniform,
         MapTable::Word,
         address,
         name,
-        RowContent::Steps(step, unit),
+        RowContent::Steps(step, unit.symbol()),
     );
     let row = match steps {
         WordSteps::Unsigned(_) | WordSteps::Frequency => row.or_absent(),
@@ -120,29 +127,32 @@ const fn measured(
     };
     WordRow {
         row,
-        from: WordSource::Measurement(find, steps),
+        from: WordSource::Measurement(role, unit, steps),
         has: Capability::Measurement,
     }
 }
 
-const fn used(
-    address: u16,
-    name: &'static str,
-    step: &'static str,
-    steps: u64,
-    part: UsagePart,
-) -> WordRow {
+const fn used(address: u16, name: &'static str, part: UsagePart, steps: u64) -> WordRow {
     let row = row(
         MapUnit::Uniform,
         MapTable::Word,
         address,
         name,
-        RowContent::Steps(step, part.unit().symbol()),
+        RowContent::Steps(step_text(steps as i64), part.unit().symbol()),
     );
     WordRow {
         row: row.or_absent().words(2),
         from: WordSource::Usage(part, steps),
         has: Capability::Usage,
+    }
+}
+
+/// One of this many steps per unit, as text.
+const fn step_text(count: i64) -> &'static str {
+    match count {
+        100 => "0.01",
+        10 => "0.1",
+        _ => "1",
     }
 }
 
@@ -174,8 +184,10 @@ impl WordRow {
     pub(super) fn read(&self, address: u16, unit: &UniformUnit, look: &WordContext<'_>) -> u16 {
         match self.from {
             WordSource::State(read) => read(unit, look),
-            WordSource::Measurement(find, steps) => {
-                let fresh = find(&unit.sources)
+            WordSource::Measurement(role, _, steps) => {
+                let fresh = unit
+                    .sources
+                    .measurement(role)
                     .and_then(|column| column.fresh(look.view, look.present.now));
                 match steps {
                     WordSteps::Unsigned(steps) => {
@@ -219,7 +231,7 @@ impl WordRow {
     pub(super) fn column<'u>(&self, unit: &'u UniformUnit) -> Option<&'u MeasurementSource> {
         match self.from {
             WordSource::State(_) | WordSource::Usage(..) => None,
-            WordSource::Measurement(find, _) => find(&unit.sources),
+            WordSource::Measurement(role, ..) => unit.sources.measurement(role),
         }
     }
 
@@ -258,41 +270,28 @@ pub(in super::super) const WORDS: [WordRow; WORD_ROWS] = [
     measured(
         4,
         "output frequency",
-        "0.01",
-        "Hz",
+        OutputFrequency,
+        Hertz,
         WordSteps::Frequency,
-        |it| it.output_frequency.as_ref(),
     ),
     measured(
         5,
         "frequency setting of the drive",
-        "0.01",
-        "Hz",
+        FrequencySetting,
+        Hertz,
         WordSteps::Frequency,
-        |it| it.setting.as_ref(),
     ),
-    measured(6, "output current", "0.1", "A", TENTHS, |it| {
-        it.current.as_ref()
-    }),
-    measured(7, "output voltage", "0.1", "V", TENTHS, |it| {
-        it.voltage.as_ref()
-    }),
-    measured(8, "DC link voltage", "0.1", "V", TENTHS, |it| {
-        it.dc_voltage.as_ref()
-    }),
-    measured(9, "output power", "0.1", "kW", TENTHS, |it| {
-        it.power.as_ref()
-    }),
-    measured(10, "torque", "0.1", "%", WordSteps::Signed(10), |it| {
-        it.torque.as_ref()
-    }),
+    measured(6, "output current", OutputCurrent, Ampere, TENTHS),
+    measured(7, "output voltage", OutputVoltage, Volt, TENTHS),
+    measured(8, "DC link voltage", DcLinkVoltage, Volt, TENTHS),
+    measured(9, "output power", OutputPower, Kilowatt, TENTHS),
+    measured(10, "torque", Torque, Percent, WordSteps::Signed(10)),
     measured(
         11,
         "temperature",
-        "0.1",
-        "degC",
+        Temperature,
+        Celsius,
         WordSteps::Signed(10),
-        |it| it.temperature.as_ref(),
     ),
     state(
         12,
@@ -323,39 +322,17 @@ pub(in super::super) const WORDS: [WordRow; WORD_ROWS] = [
         .where_it_has(Capability::Control),
     state(21, "highest setpoint", HUNDREDTHS, |unit, _| unit.limits[1])
         .where_it_has(Capability::Control),
-    measured(22, "run hours", "1", "h", WordSteps::Long, |it| {
-        it.run_hours.as_ref()
-    }),
-    measured(
-        24,
-        "output current, finer",
-        "0.01",
-        "A",
-        WordSteps::Unsigned(100),
-        |it| it.current.as_ref(),
-    ),
-    measured(
-        25,
-        "output power, finer",
-        "0.01",
-        "kW",
-        WordSteps::Unsigned(100),
-        |it| it.power.as_ref(),
-    ),
+    measured(22, "run hours", RunHours, Hour, WordSteps::Long),
+    measured(24, "output current, finer", OutputCurrent, Ampere, FINE),
+    measured(25, "output power, finer", OutputPower, Kilowatt, FINE),
     state(26, "capabilities", CAPABILITIES, |unit, _| {
         unit.capabilities
     }),
     state(27, "reserved", RESERVED, |_, _| 0).words(5),
-    used(32, "energy used", "0.1", 10, UsagePart::Energy),
-    used(34, "time of running", "0.1", 10, UsagePart::RunningHours),
-    used(36, "starts", "1", 1, UsagePart::Starts),
-    used(
-        38,
-        "trips, earlier processes included",
-        "1",
-        1,
-        UsagePart::Trips,
-    ),
+    used(32, "energy used", UsagePart::Energy, 10),
+    used(34, "time of running", UsagePart::RunningHours, 10),
+    used(36, "starts", UsagePart::Starts, 1),
+    used(38, "trips, earlier processes included", UsagePart::Trips, 1),
     control(address::RUN, "run command", RUN_VALUES, |unit, look| {
         unit.intent(look.view)
     })
@@ -389,6 +366,14 @@ pub(in super::super) const WORDS: [WordRow; WORD_ROWS] = [
         UniformUnit::last_reason,
     ),
 ];
+
+/// The measurements that words show.
+pub(super) fn measurements() -> impl Iterator<Item = (RegisterRole, UnitOfMeasure)> {
+    WORDS.into_iter().filter_map(|word| match word.from {
+        WordSource::Measurement(role, unit, _) => Some((role, unit)),
+        WordSource::State(_) | WordSource::Usage(..) => None,
+    })
+}
 
 const WORD_ROWS: usize = 37;
 const WORD_COUNT: usize = (PICTURE_WORDS + CONTROL_LAST - address::RUN + 1) as usize;
