@@ -1,9 +1,10 @@
 //! The words of a model file for enumerations: one table each, for reading and printing.
 
+pub use super::model::ROLES;
 use super::model::{
     BitMeaning, Confidence, DocumentKind, ExceptionKind, FactPart, IndicatedState, NeededFor,
-    PollClass, ReadBoundary, ReadHoles, RefusedWrite, RegisterAccess, RegisterMemory, RegisterRole,
-    WordOrder, ZeroWord,
+    PollClass, ReadBoundary, ReadHoles, RefusedWrite, RegisterAccess, RegisterMemory, WordOrder,
+    ZeroWord,
 };
 use crate::domain::address::DataTable;
 
@@ -336,6 +337,7 @@ declare_words! {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::profile::model::RegisterRole;
     use crate::toml_file::words::word_for;
 
     #[test]

@@ -6,63 +6,82 @@ use crate::domain::units::UnitOfMeasure;
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
-/// What the gateway uses a register for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum RegisterRole {
+macro_rules! roles {
+    ($($(#[$about:meta])* $role:ident $(, measures $name:literal in $unit:ident)?;)*) => {
+        /// What the gateway uses a register for.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub enum RegisterRole {
+            $($(#[$about])* $role,)*
+        }
+
+        impl RegisterRole {
+            /// The name and the unit of what is measured there, which are the same for every vendor; `None` if nothing is.
+            #[must_use]
+            pub const fn measurement(self) -> Option<(&'static str, UnitOfMeasure)> {
+                match self {
+                    $($(Self::$role => Some(($name, UnitOfMeasure::$unit)),)?)*
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+
+roles! {
     /// Run commands are written here.
-    RunCommand,
+    RunCommand;
     /// An order of its own is written here, or the direction of the next one.
-    Order,
+    Order;
     /// The commanded frequency is written here.
-    FrequencyCommand,
+    FrequencyCommand;
     /// The frequency setting as the drive holds it.
-    FrequencySetting,
+    FrequencySetting;
     /// Output frequency.
-    OutputFrequency,
+    OutputFrequency;
     /// Acceleration time.
-    AccelerationTime,
+    AccelerationTime;
     /// Deceleration time.
-    DecelerationTime,
+    DecelerationTime;
     /// Where the drive takes its frequency from.
-    FrequencySource,
+    FrequencySource;
     /// Where the drive takes its run commands from.
-    RunSource,
+    RunSource;
     /// The number of the active trip, 0 for none.
-    TripCode,
+    TripCode;
     /// The active trips, one bit each; 0 for none.
-    TripBits,
+    TripBits;
     /// Number of trips so far.
-    TripCount,
+    TripCount;
     /// Cause of the newest trip, as the vendor numbers it.
-    TripCause,
+    TripCause;
     /// Output frequency at the newest trip.
-    TripFrequency,
+    TripFrequency;
     /// Output current at the newest trip.
-    TripCurrent,
+    TripCurrent;
     /// DC link voltage at the newest trip.
-    TripDcLinkVoltage,
+    TripDcLinkVoltage;
     /// Output current.
-    OutputCurrent,
+    OutputCurrent, measures "current" in Ampere;
     /// Output voltage.
-    OutputVoltage,
+    OutputVoltage, measures "voltage" in Volt;
     /// DC link voltage.
-    DcLinkVoltage,
+    DcLinkVoltage, measures "dc_voltage" in Volt;
     /// Output power.
-    OutputPower,
+    OutputPower, measures "power" in Kilowatt;
     /// Torque.
-    Torque,
+    Torque, measures "torque" in Percent;
     /// Temperature of the drive.
-    Temperature,
+    Temperature, measures "temperature" in Celsius;
     /// Run hours.
-    RunHours,
+    RunHours, measures "run_hours" in Hour;
     /// The energy that the drive has counted.
-    Energy,
+    Energy, measures "energy" in KilowattHour;
     /// An older trip's number. Several registers may have this role; the newest trip is at the lowest address.
-    TripHistory,
+    TripHistory;
     /// The number of the active warning, 0 for none. A warning stops no motor.
-    WarningCode,
+    WarningCode;
     /// The active warnings, one bit each; 0 for none.
-    WarningBits,
+    WarningBits;
 }
 
 impl RegisterRole {

@@ -166,16 +166,7 @@ fn value_name(register: &Register) -> Option<String> {
 }
 
 /// The vendor-independent name of a measurement, if it is in its vendor-independent unit.
-const fn measure_name(role: RegisterRole, unit: UnitOfMeasure) -> Option<&'static str> {
-    Some(match (role, unit) {
-        (RegisterRole::OutputCurrent, UnitOfMeasure::Ampere) => "current",
-        (RegisterRole::OutputVoltage, UnitOfMeasure::Volt) => "voltage",
-        (RegisterRole::DcLinkVoltage, UnitOfMeasure::Volt) => "dc_voltage",
-        (RegisterRole::OutputPower, UnitOfMeasure::Kilowatt) => "power",
-        (RegisterRole::Torque, UnitOfMeasure::Percent) => "torque",
-        (RegisterRole::Temperature, UnitOfMeasure::Celsius) => "temperature",
-        (RegisterRole::RunHours, UnitOfMeasure::Hour) => "run_hours",
-        (RegisterRole::Energy, UnitOfMeasure::KilowattHour) => "energy",
-        _ => return None,
-    })
+fn measure_name(role: RegisterRole, unit: UnitOfMeasure) -> Option<&'static str> {
+    let (name, usual) = role.measurement()?;
+    (unit == usual).then_some(name)
 }
