@@ -1,6 +1,5 @@
 //! The words of a model file for enumerations: one table each, for reading and printing.
 
-pub use super::model::ROLES;
 use super::model::{
     BitMeaning, Confidence, DocumentKind, ExceptionKind, FactPart, IndicatedState, NeededFor,
     PollClass, ReadBoundary, ReadHoles, RefusedWrite, RegisterAccess, RegisterMemory, WordOrder,
