@@ -2,8 +2,8 @@
 
 use super::model::{
     BitMeaning, Confidence, DocumentKind, ExceptionKind, FactPart, IndicatedState, NeededFor,
-    PollClass, ReadBoundary, ReadHoles, RefusedWrite, RegisterAccess, RegisterMemory, WordOrder,
-    ZeroWord,
+    PollClass, ReadBoundary, ReadHoles, RefusedWrite, RegisterAccess, RegisterMemory, RegisterRole,
+    WordOrder, ZeroWord,
 };
 use crate::domain::address::DataTable;
 

@@ -33,6 +33,7 @@ use crate::domain::problem::Problem;
 /// (`constant ControlSettings::DELAY`). `without` says in words what a missing key means. A field that is not called like
 /// its key names it: `lines as "line"`. What is valid may depend on keys before it, which are named after `after`. A table whose
 /// keys need something more to be read takes it as an argument: `AreaFile is "[[read.area]]" with facts: &FactReader<'_>`.
+#[macro_export]
 macro_rules! declare_table {
     (
         $(#[doc = $says:literal])+
@@ -144,7 +145,7 @@ macro_rules! declare_table {
         }
     };
 }
-pub(crate) use declare_table;
+pub use declare_table;
 
 /// A key that is known but refused, because an operator who wrote it would rely on a missing function.
 #[derive(Clone, Copy, Debug)]
