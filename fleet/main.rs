@@ -132,7 +132,7 @@ enum ReadingArg {
 
 fn main() -> ExitCode {
     let args = Args::parse();
-    let _last_lines = log::start(args.log_format, "error");
+    let _last_lines = log::start(args.log_format, tracing::Level::ERROR);
     match simulate(&args) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => failure.report(),

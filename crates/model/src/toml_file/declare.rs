@@ -364,7 +364,7 @@ pub fn or_default<'k, T: Clone>(
 }
 
 /// A table as it is declared.
-#[cfg(test)]
+#[cfg(any(test, feature = "testing"))]
 #[derive(Clone, Debug)]
 pub struct DeclaredTable {
     /// Its header.
@@ -378,7 +378,7 @@ pub struct DeclaredTable {
 }
 
 /// A key as it is declared.
-#[cfg(test)]
+#[cfg(any(test, feature = "testing"))]
 #[derive(Clone, Debug)]
 pub struct DeclaredKey {
     /// Its name.
