@@ -309,7 +309,10 @@ mod tests {
 
     #[test]
     fn the_reference_is_as_declared() {
-        let path = format!("{}/../../docs/model-reference.md", env!("CARGO_MANIFEST_DIR"));
+        let path = format!(
+            "{}/../../docs/model-reference.md",
+            env!("CARGO_MANIFEST_DIR")
+        );
         let found = KeyReference::as_declared().text();
         if std::env::var_os("UPDATE_GOLDEN").is_some() {
             std::fs::write(&path, &found).unwrap();

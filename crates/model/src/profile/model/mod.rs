@@ -32,9 +32,7 @@ pub use link::{FactorySetting, ModelBroadcast, ModelLink, ModelTiming};
 pub use order::{DirectionWords, OrderKind, OrderPlaces, ResetStep, ResetWrite};
 pub use parameter::ParameterKind;
 pub use read::{ReadArea, ReadBoundary, ReadHoles, ReadLimits};
-pub use register::{
-    FactPart, PollClass, Register, RegisterAccess, RegisterMemory, RegisterRole,
-};
+pub use register::{FactPart, PollClass, Register, RegisterAccess, RegisterMemory, RegisterRole};
 pub use run_word::{
     BitMeaning, BitSense, OrderedWord, RunBit, RunField, RunForm, WordEffect, WordSenses, ZeroWord,
 };
