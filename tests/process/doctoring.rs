@@ -186,7 +186,7 @@ fn wrong_questions_are_distinguished_from_bad_lines() {
     let output = vfd_gateway(&["doctor", "-c", file, "--line", "attic"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(
-        String::from_utf8_lossy(&output.stderr).contains("there are: hall-1"),
+        String::from_utf8_lossy(&output.stderr).contains("the lines are: hall-1"),
         "{output:?}"
     );
     assert_eq!(

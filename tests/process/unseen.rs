@@ -96,7 +96,7 @@ fn a_motor_whose_cable_is_pulled_may_still_run_until_a_person_has_looked() {
         assert_each_problem_is_reached(&browser);
     }
     a_pending_stop_is_told_until_it_has_acted(&browser);
-    browser.hold(&mark(&browser, "I looked"));
+    browser.hold(&mark(&browser, "I checked"));
     browser.wait("!document.querySelector('#drive-pump-1 .unseen-run').checkVisibility()");
     assert_eq!(control(&shop)["stop_pending"], true, "it cancels nothing");
     until("the audit has it", PATIENCE, || {

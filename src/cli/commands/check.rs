@@ -553,7 +553,7 @@ mod tests {
             let found = reported(allow, write);
             assert!(
                 found.contains(&format!(
-                    "\n  warning: {named}: behind the bridge of a container"
+                    "\n  warning: {named}: behind a container's bridge"
                 )),
                 "{found}"
             );

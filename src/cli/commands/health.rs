@@ -79,7 +79,7 @@ fn why_not_in_order(health: &HealthDocument) -> Option<String> {
         (!drives.is_empty()).then(|| format!("{what} {}", drives.join(", ")))
     };
     let not_ready = || (!health.ready).then(|| "not ready".to_owned());
-    named("a motor may still be running unseen: go to", unseen(health))
+    named("a motor may still run unseen: go to", unseen(health))
         .or_else(not_ready)
         .or_else(|| named("nothing was ever read of", never_read(health)))
         .or_else(|| essential_refused(health))

@@ -437,7 +437,7 @@ the drive's own watchdog: none is known for this model
         );
         assert_eq!(
             said("not_tried", None),
-            "the drive's identity (D0): found 280: WRONG, m, but not the drive of the trials, which showed 16 or 17"
+            "the drive's identity (D0): found 280: WRONG, it is a m, but not the drive of the trials, which showed 16 or 17"
         );
         assert_eq!(
             said("not_answered", None),

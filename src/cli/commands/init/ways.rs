@@ -389,7 +389,7 @@ mod tests {
         assert!(
             words("pgae", &WAYS)
                 .unwrap_err()
-                .contains("none of page, modbus-tcp")
+                .contains("not one of page, modbus-tcp")
         );
         assert_eq!(networks("10.0.0.5 10.1.0.0/16").unwrap().len(), 2);
         assert!(networks("10.0.0").is_err() && address("8080").is_err());

@@ -297,8 +297,8 @@ mod tests {
             said(false, true),
             "then they take effect, by one write of save\n"
         );
-        assert!(said(true, false).contains("forgets them with its power unless save stores them"));
-        assert!(said(false, false).contains("may not act before save"));
+        assert!(said(true, false).contains("loses them with its power unless save stores them"));
+        assert!(said(false, false).contains("may have no effect before save"));
     }
 
     #[test]

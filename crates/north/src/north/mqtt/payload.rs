@@ -288,7 +288,7 @@ mod tests {
             let refused = refused.unwrap_err();
             assert_eq!(refused.reason, Reason::NotUnderstood);
             assert!(
-                refused.message.contains("for example, ") && refused.message.len() < 200,
+                refused.message.contains("an example: ") && refused.message.len() < 200,
                 "{}",
                 refused.message
             );

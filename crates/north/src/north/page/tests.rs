@@ -1009,7 +1009,7 @@ fn the_gateway_tells_of_its_broker_and_its_journal() {
         "another client",
         "(disk full)",
         "kept as old.db",
-        "was deleted: leave",
+        "was deleted: do not touch",
         "2 rows",
     ];
     assert_eq!(said.len(), parts.len());
