@@ -133,7 +133,7 @@ fn unless<'k, T: 'k>(
         }
         if let OptionalKey::Valid(given) = reader.optional(key, kind) {
             let problem = given.location.problem(format!(
-                "`ask` says that nobody knows the factory setting, `{key}` what it is"
+                "`ask` says that the factory setting is unknown, `{key}` what it is"
             ));
             reader
                 .problems()
