@@ -33,11 +33,8 @@ pub(super) struct FreshValue {
 impl MeasurementSource {
     /// The measurement with `role`, of the frequency setting as the drive holds it; `None` if the model does not have it,
     /// does not poll it, or has it in another unit (in per cent of a rated value that is not stated, for instance).
-    pub(super) fn new(
-        drive: &DriveDescription,
-        role: RegisterRole,
-        unit: UnitOfMeasure,
-    ) -> Option<Self> {
+    pub(super) fn new(drive: &DriveDescription, role: RegisterRole) -> Option<Self> {
+        let unit = unit_of(role);
         let register = match role {
             RegisterRole::FrequencySetting => drive.model.setting_register()?,
             _ => drive.model.register_for(role)?,
@@ -119,6 +116,15 @@ impl FreshValue {
         let apart = i128::from(self.raw) * i128::from(other.scale)
             - i128::from(other.raw) * i128::from(self.scale);
         10 * apart.abs() <= i128::from(self.scale) * i128::from(other.scale)
+    }
+}
+
+/// The unit of the words that show the measurement with `role`; none if it is no measurement.
+pub(super) const fn unit_of(role: RegisterRole) -> UnitOfMeasure {
+    match (role, role.measurement()) {
+        (RegisterRole::OutputFrequency | RegisterRole::FrequencySetting, _) => UnitOfMeasure::Hertz,
+        (_, Some((_, unit))) => unit,
+        (_, None) => UnitOfMeasure::None,
     }
 }
 

@@ -66,7 +66,7 @@ impl UniformUnit {
     /// The unit of the drive that `drive` describes.
     #[must_use]
     pub fn new(drive: &DriveDescription) -> Self {
-        let sources = MeasurementSources::new(drive, table::measurements());
+        let sources = MeasurementSources::new(drive);
         let reported = status::reported(drive, &sources);
         let control = drive.control.as_deref();
         let capabilities = status::capabilities(&drive.model, control);

@@ -1,6 +1,6 @@
 //! Where the uniform words of one drive come from, looked up once.
 
-use super::column::{FreshValue, MeasurementSource};
+use super::column::{FreshValue, MeasurementSource, unit_of};
 use crate::domain::command::RunIntent;
 use crate::domain::time::MonoTime;
 use crate::domain::units::UnitOfMeasure;
@@ -8,6 +8,7 @@ use crate::drive::description::{DriveDescription, FreshnessLimits};
 use crate::drive::usage::UsageParts;
 use crate::drive::view::DriveView;
 use crate::profile::model::{PollClass, Register, RegisterRole};
+use crate::profile::words::ROLES;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -32,19 +33,17 @@ fn is_live(register: &&Register) -> bool {
 }
 
 impl MeasurementSources {
-    /// Those of `wanted`, by their roles and the units of the map.
-    pub(super) fn new(
-        drive: &DriveDescription,
-        wanted: impl Iterator<Item = (RegisterRole, UnitOfMeasure)>,
-    ) -> Self {
+    pub(super) fn new(drive: &DriveDescription) -> Self {
+        let measured = ROLES.iter().map(|(_, role)| *role);
+        let measured = measured.filter(|role| unit_of(*role) != UnitOfMeasure::None);
         let registers = drive.model.registers.iter();
         let has_trips = drive
             .model
             .trip_register()
             .is_some_and(|register| register.poll.is_some());
         Self {
-            measurements: wanted
-                .filter_map(|(role, unit)| Some((role, MeasurementSource::new(drive, role, unit)?)))
+            measurements: measured
+                .filter_map(|role| Some((role, MeasurementSource::new(drive, role)?)))
                 .collect(),
             polled: registers
                 .filter(is_live)

@@ -4,12 +4,9 @@ use super::super::map::{
     AGE, COUNT, HUNDREDTHS, MapRow, MapTable, MapUnit, RESERVED, RUN_STATES, RowContent, SECONDS,
     TRIP, TRIPS, row,
 };
-use super::column::{ABSENT, ABSENT_SIGNED, MeasurementSource};
+use super::column::{ABSENT, ABSENT_SIGNED, MeasurementSource, unit_of};
 use super::words::{WordContext, age_word, life};
 use super::{CONTROL_LAST, MAP_VERSION, PICTURE_WORDS, UniformUnit, address, status};
-use crate::domain::units::UnitOfMeasure::{
-    self, Ampere, Celsius, Hertz, Hour, Kilowatt, Percent, Volt,
-};
 use crate::drive::usage::UsagePart;
 use crate::profile::model::RegisterRole::{
     self, DcLinkVoltage, FrequencySetting, OutputCurrent, OutputFrequency, OutputPower,
@@ -29,8 +26,8 @@ pub(in super::super) struct WordRow {
 enum WordSource {
     /// This reads it.
     State(fn(&UniformUnit, &WordContext<'_>) -> u16),
-    /// The measurement with this role, in this unit and with its number of steps.
-    Measurement(RegisterRole, UnitOfMeasure, WordSteps),
+    /// The measurement with this role, with its number of steps per unit.
+    Measurement(RegisterRole, WordSteps),
     /// This sum of what the drive has used, in this many steps per unit.
     Usage(UsagePart, u64),
 }
@@ -105,7 +102,6 @@ const fn measured(
     address: u16,
     name: &'static str,
     role: RegisterRole,
-    unit: UnitOfMeasure,
     steps: WordSteps,
 ) -> WordRow {
     let step = match steps {
@@ -118,7 +114,7 @@ const fn measured(
         MapTable::Word,
         address,
         name,
-        RowContent::Steps(step, unit.symbol()),
+        RowContent::Steps(step, unit_of(role).symbol()),
     );
     let row = match steps {
         WordSteps::Unsigned(_) | WordSteps::Frequency => row.or_absent(),
@@ -127,7 +123,7 @@ const fn measured(
     };
     WordRow {
         row,
-        from: WordSource::Measurement(role, unit, steps),
+        from: WordSource::Measurement(role, steps),
         has: Capability::Measurement,
     }
 }
@@ -184,7 +180,7 @@ impl WordRow {
     pub(super) fn read(&self, address: u16, unit: &UniformUnit, look: &WordContext<'_>) -> u16 {
         match self.from {
             WordSource::State(read) => read(unit, look),
-            WordSource::Measurement(role, _, steps) => {
+            WordSource::Measurement(role, steps) => {
                 let fresh = unit
                     .sources
                     .measurement(role)
@@ -267,32 +263,19 @@ pub(in super::super) const WORDS: [WordRow; WORD_ROWS] = [
         status::run_state(look.view).number()
     }),
     state(3, "trip code", TRIP, UniformUnit::trip_code).where_it_has(Capability::Tripped),
-    measured(
-        4,
-        "output frequency",
-        OutputFrequency,
-        Hertz,
-        WordSteps::Frequency,
-    ),
+    measured(4, "output frequency", OutputFrequency, WordSteps::Frequency),
     measured(
         5,
         "frequency setting of the drive",
         FrequencySetting,
-        Hertz,
         WordSteps::Frequency,
     ),
-    measured(6, "output current", OutputCurrent, Ampere, TENTHS),
-    measured(7, "output voltage", OutputVoltage, Volt, TENTHS),
-    measured(8, "DC link voltage", DcLinkVoltage, Volt, TENTHS),
-    measured(9, "output power", OutputPower, Kilowatt, TENTHS),
-    measured(10, "torque", Torque, Percent, WordSteps::Signed(10)),
-    measured(
-        11,
-        "temperature",
-        Temperature,
-        Celsius,
-        WordSteps::Signed(10),
-    ),
+    measured(6, "output current", OutputCurrent, TENTHS),
+    measured(7, "output voltage", OutputVoltage, TENTHS),
+    measured(8, "DC link voltage", DcLinkVoltage, TENTHS),
+    measured(9, "output power", OutputPower, TENTHS),
+    measured(10, "torque", Torque, WordSteps::Signed(10)),
+    measured(11, "temperature", Temperature, WordSteps::Signed(10)),
     state(
         12,
         "age of the oldest polled value, 65535 more",
@@ -322,9 +305,9 @@ pub(in super::super) const WORDS: [WordRow; WORD_ROWS] = [
         .where_it_has(Capability::Control),
     state(21, "highest setpoint", HUNDREDTHS, |unit, _| unit.limits[1])
         .where_it_has(Capability::Control),
-    measured(22, "run hours", RunHours, Hour, WordSteps::Long),
-    measured(24, "output current, finer", OutputCurrent, Ampere, FINE),
-    measured(25, "output power, finer", OutputPower, Kilowatt, FINE),
+    measured(22, "run hours", RunHours, WordSteps::Long),
+    measured(24, "output current, finer", OutputCurrent, FINE),
+    measured(25, "output power, finer", OutputPower, FINE),
     state(26, "capabilities", CAPABILITIES, |unit, _| {
         unit.capabilities
     }),
@@ -366,14 +349,6 @@ pub(in super::super) const WORDS: [WordRow; WORD_ROWS] = [
         UniformUnit::last_reason,
     ),
 ];
-
-/// The measurements that words show.
-pub(super) fn measurements() -> impl Iterator<Item = (RegisterRole, UnitOfMeasure)> {
-    WORDS.into_iter().filter_map(|word| match word.from {
-        WordSource::Measurement(role, unit, _) => Some((role, unit)),
-        WordSource::State(_) | WordSource::Usage(..) => None,
-    })
-}
 
 const WORD_ROWS: usize = 37;
 const WORD_COUNT: usize = (PICTURE_WORDS + CONTROL_LAST - address::RUN + 1) as usize;
