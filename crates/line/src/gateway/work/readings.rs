@@ -481,7 +481,7 @@ impl DriveWork {
 
     /// This gateway takes the line over at `now`: a drive that was heard or seen ordered to run gets the declared action,
     /// and a stop that was heard without effect is repeated. Where the line was handed over on purpose, running drives go
-    /// on. What was not seen at standstill may run by an order that nobody remembers: its first readings decide.
+    /// on. What was not seen at standstill may run by an order that is not known here: its first readings decide.
     pub fn take_over(&mut self, now: MonoTime, goes_on: bool, out: Out<'_>) {
         let heard = self.heard.take_over();
         self.guard.give_up();
@@ -510,7 +510,7 @@ impl DriveWork {
         }
     }
 
-    /// Decides what follows for a drive that may run by an order that nobody remembers, as soon as that can be seen. A drive
+    /// Decides what follows for a drive that may run by an order that is not known here, as soon as that can be seen. A drive
     /// that shows that it obeys its panel or terminals is left alone.
     pub(super) fn settle(&mut self, now: MonoTime, out: Out<'_>) {
         let Some(UnsettledMotion { goes_on, until }) = self.heard.unsettled() else {

@@ -64,7 +64,7 @@ impl SenderEars {
             .then(|| self.sound_at + DEAF_AFTER)
     }
 
-    /// The gateway falls silent. Returns how long at least, with a silence for a take-over of `take_over_after`.
+    /// The gateway falls silent. Returns the least time of that; `take_over_after` is the silence before a take-over.
     pub fn fall_silent(&mut self, take_over_after: Duration) -> Duration {
         let wait = take_over_after * DEAF_WAITS * (1 << self.silences.min(DOUBLINGS));
         (self.silences, self.is_proven) = (self.silences.saturating_add(1), false);

@@ -31,7 +31,7 @@ declare_table! {
         register: RequiredKey<String> = required(ValueKind::text());
         /// The word.
         value: RequiredKey<u16> = required(word());
-        /// It is not sent while the motor may turn, and neither is what it would take over.
+        /// While the motor may turn, neither the word nor the changes before it are sent.
         at_standstill: OptionalKey<bool> = optional(ValueKind::flag()), or false, without "no";
         origin: Option<Origin> = facts.sources();
     }
