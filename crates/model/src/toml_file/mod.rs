@@ -5,8 +5,8 @@
 //! caller did not ask for.
 //!
 //! ```
-//! use vfd_gateway::toml_file::{TableReader, document};
-//! use vfd_gateway::toml_file::values::ValueKind;
+//! use vfd_model::toml_file::{TableReader, document};
+//! use vfd_model::toml_file::values::ValueKind;
 //!
 //! let mut problems = Vec::new();
 //! if let Some(root) = document("baud = 0\nparrot = 'none'", &mut problems) {
