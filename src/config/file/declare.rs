@@ -11,10 +11,10 @@ use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader, docu
 ///     /// `[journal]`
 ///     JournalFile is "[journal]" at location, refuses NOT_SERVED {
 ///         /// Maximum size of the journal file.
-///         max_size: OptionalKey<u64> = optional(size()), default "64MB";
+///         max_size: OptionalKey<u64> = optional(size()), default "64MB" => max_bytes;
 ///         /// The name of the journal.
 ///         name: OptionalKey<Name> = optional(name()), without "the gateway's name";
-///     }
+///     } fills JournalSettings with |file, directory: PathBuf| { directory, }
 /// }
 /// ```
 ///
@@ -23,6 +23,8 @@ use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader, docu
 /// * the struct `JournalFile`, with a field for each key and, after `at`, one for the location of the table;
 /// * `JournalFile::read`, which reads the table and reports all mistakes in it. `refuses` names a list of [`RefusedKey`];
 /// * for a key with a default, a method of its name: `max_size()` is the value, or the default if the key is left out;
+/// * with `fills`, the method `settings`, which makes the settings of the room that uses the table: each field that an arrow
+///   names has the value of its key, and the block after `fills` has all other fields, made from what is given;
 /// * the rows of the table in `docs/configuration.md`. The comment of a key is its sentence there.
 ///
 /// A default is written as in the file (`default "64MB"`), or is a time of another room (`constant ControlSettings::DELAY`).
@@ -37,9 +39,10 @@ macro_rules! declare_table {
                 $field:ident $(as $key:literal)? : $type:ty = $form:expr
                 $(, default $default:literal)?
                 $(, constant $constant:path)?
-                $(, without $words:expr)?;
+                $(, without $words:expr)?
+                $(=> $target:ident)?;
             )+
-        }
+        } $(fills $($fills:tt)+)?
     ) => {
         $(#[$comment])*
         #[derive(Clone, Debug, Default)]
@@ -105,6 +108,10 @@ macro_rules! declare_table {
                 }
             }
         }
+
+        $crate::toml_file::fill::fill_settings! {
+            $table { $($field [$($default)? $($constant)?] [$($target)?])+ } $($($fills)+)?
+        }
     };
 }
 pub(super) use declare_table;
@@ -114,8 +121,8 @@ pub(super) use declare_table;
 pub struct RefusedKey {
     /// Its name.
     pub name: &'static str,
-    /// Why it is refused.
-    pub what: &'static str,
+    /// Why it is refused; `None`: nothing serves it.
+    pub what: Option<&'static str>,
     /// The alternative.
     pub instead: &'static str,
 }
@@ -131,10 +138,6 @@ pub fn refuse(reader: &mut TableReader<'_, '_>, keys: &[RefusedKey]) {
 pub struct KeyForm<'k, W> {
     read: Box<ReadKey<'k, W>>,
     /// The valid values as the reference lists them.
-    #[cfg_attr(
-        not(test),
-        expect(dead_code, reason = "the reference is made by a test")
-    )]
     pub notation: String,
 }
 
@@ -150,6 +153,13 @@ impl<'k, W> KeyForm<'k, W> {
             read: Box::new(read),
             notation: notation.into(),
         }
+    }
+
+    /// This form, listed in the reference as `notation`.
+    #[must_use]
+    pub fn listed_as(mut self, notation: impl Into<String>) -> Self {
+        self.notation = notation.into();
+        self
     }
 
     /// Reads `key`.
@@ -172,43 +182,23 @@ pub fn optional<'k, T: 'k>(kind: ValueKind<'k, T>) -> KeyForm<'k, OptionalKey<T>
     })
 }
 
-/// A list of values, listed in the reference as a list of `elements`.
-pub fn list<'k, T: 'k>(
-    elements: &str,
-    kind: ValueKind<'k, T>,
-) -> KeyForm<'k, OptionalKey<Vec<LocatedValue<T>>>> {
-    KeyForm::new(format!("list of {elements}"), move |reader, key| {
-        reader.list(key, &kind)
-    })
+/// A list of values.
+pub fn list<'k, T: 'k>(kind: ValueKind<'k, T>) -> KeyForm<'k, OptionalKey<Vec<LocatedValue<T>>>> {
+    KeyForm::new(list_of(&kind), move |reader, key| reader.list(key, &kind))
 }
 
-/// A list of words.
-pub fn list_of_words<'k, T: 'k>(
-    kind: ValueKind<'k, T>,
-) -> KeyForm<'k, OptionalKey<Vec<LocatedValue<T>>>> {
-    list(&separate(&kind), kind)
-}
-
-/// A list of words that must be there.
-pub fn required_words<'k, T: 'k>(
-    kind: ValueKind<'k, T>,
-) -> KeyForm<'k, RequiredKey<Vec<LocatedValue<T>>>> {
-    required_list(&separate(&kind), kind)
-}
-
-/// The words of `kind` as elements of a list: each of them may be there.
-fn separate<T>(kind: &ValueKind<'_, T>) -> String {
-    kind.notation().replace(" or ", ", ")
-}
-
-/// A list of values that must be there, listed in the reference as a list of `elements`.
+/// A list of values that must be there.
 pub fn required_list<'k, T: 'k>(
-    elements: &str,
     kind: ValueKind<'k, T>,
 ) -> KeyForm<'k, RequiredKey<Vec<LocatedValue<T>>>> {
-    KeyForm::new(format!("list of {elements}"), move |reader, key| {
+    KeyForm::new(list_of(&kind), move |reader, key| {
         reader.required_list(key, &kind)
     })
+}
+
+/// How the reference lists a list of values of `kind`, of which each may be there.
+fn list_of<T>(kind: &ValueKind<'_, T>) -> String {
+    format!("list of {}", kind.notation().replace(" or ", ", "))
 }
 
 /// A table, read by `read`.
@@ -219,17 +209,6 @@ pub fn table<'k, T: 'k>(read: fn(TableReader<'_, '_>) -> T) -> KeyForm<'k, Optio
 /// Tables in double brackets, each read by `read`.
 pub fn tables<'k, T: 'k>(read: fn(TableReader<'_, '_>) -> T) -> KeyForm<'k, Vec<T>> {
     KeyForm::new("tables", move |reader, key| each(reader, key, read))
-}
-
-/// Values by the names of registers.
-pub type RegisterValues<T> = OptionalKey<Vec<(String, LocatedValue<T>)>>;
-
-/// A table in which the operator chooses the keys: polled registers.
-pub fn of_registers<'k, T: 'k>(kind: ValueKind<'k, T>) -> KeyForm<'k, RegisterValues<T>> {
-    let notation = format!("table: polled register = {}", kind.notation());
-    KeyForm::new(notation, move |reader, key| {
-        reader.inner(key, |reader| reader.all(&kind))
-    })
 }
 
 /// The tables `[[key]]`, each read by `read`.

@@ -16,7 +16,7 @@ pub fn extra_register(section: TomlSection<'_>, problems: &mut Vec<Problem>) -> 
     register.origin = Some((Confidence::Configured, "configuration".to_owned()));
     reader.refuse(
         "role",
-        "a register in the configuration has no role",
+        Some("a register in the configuration has no role"),
         "leave it out",
     );
     reader.finish();
