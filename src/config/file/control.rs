@@ -4,9 +4,6 @@ use super::super::words::{
     self, ACTIONS, BUS_FUNCTIONS, COMMANDS, CommandInterface, DIRECTIONS, FAIL_SAFES, LEASES,
     ON_OUTPUT_OUTSIDE, OWNERSHIPS, WAYS,
 };
-use super::declare::{
-    KeyForm, declare_table, list_of_words, optional, required, required_list, required_words,
-};
 use super::kinds::{hours, minutes, ms, seconds};
 use crate::domain::command::Direction;
 use crate::domain::control::{
@@ -15,6 +12,7 @@ use crate::domain::control::{
 use crate::domain::frequency::Hertz;
 use crate::domain::standby::OnGatewayLost;
 use crate::north::mqtt::LeaseMode;
+use crate::toml_file::declare::{KeyForm, declare_table, list, optional, required, required_list};
 use crate::toml_file::values::{ValueKind, WrongValue};
 use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey, RequiredKey, TableReader};
 use std::time::Duration;
@@ -24,7 +22,7 @@ declare_table! {
     ControlFile is "[line.drive.control]" {
         /// The interfaces that accept commands; each must be enabled.
         from: RequiredKey<Vec<LocatedValue<CommandInterface>>> =
-            required_words(ValueKind::choice(&WAYS, CommandInterface::meaning));
+            required_list(ValueKind::choice(&WAYS, CommandInterface::meaning));
         /// Which functions come over the bus; the others are wired to the drive. With "frequency" the drive is started and
         /// stopped elsewhere: a stop is sent, but may have no effect, and both fail-safe actions must be "hold";
         /// `on_gateway_lost` too, or "adopt".
@@ -34,7 +32,7 @@ declare_table! {
         limits as "frequency_hz": Option<LimitsFile> = limits();
         /// The directions in which the motor may run.
         directions: OptionalKey<Vec<LocatedValue<Direction>>> =
-            list_of_words(ValueKind::choice(&DIRECTIONS, words::of_direction)),
+            list(ValueKind::choice(&DIRECTIONS, words::of_direction)),
             without "[\"forward\"]";
         /// A running motor may be reversed only at or below this output frequency. Only with both directions.
         reverse_below as "reverse_below_hz": OptionalKey<Hertz> = optional(hertz()), default 0.0;
@@ -55,7 +53,7 @@ declare_table! {
             without "none: required on a line with `standby = true`";
         /// Actions that the model marks as unproven but that you accept. "basic" is stop, forward and the setpoint together.
         accept_unverified: OptionalKey<Vec<LocatedValue<ControlAction>>> =
-            list_of_words(ValueKind::choice(&ACTIONS, words::of_action)), without "[]";
+            list(ValueKind::choice(&ACTIONS, words::of_action)), without "[]";
         /// Whether `vfd-gateway qualify` may try what the model leaves unproven, one command at a time. For the day of the trials
         /// only.
         qualify: OptionalKey<bool> = optional(ValueKind::flag()), default false;
@@ -104,7 +102,7 @@ declare_table! {
     NativeFile is "[line.drive.native]" {
         /// The registers that may be written; none that `control` uses.
         write: RequiredKey<Vec<LocatedValue<String>>> =
-            required_list("codes, names or addresses", ValueKind::text());
+            required_list(ValueKind::text()).listed_as("list of codes, names or addresses");
         /// Minimum time between two writes of a register that is stored, or not known to be in RAM.
         stored_write_interval: OptionalKey<Duration> =
             optional(ValueKind::duration(seconds(1)..=hours(24))),

@@ -1,14 +1,12 @@
 //! The table of a drive: `[[line.drive]]`. Its inner tables for commands and writes are in [`super::control`].
 
 use super::control::{ControlFile, NativeFile};
-use super::declare::{
-    KeyForm, RefusedKey, RegisterValues, declare_table, of_registers, optional, required, table,
-};
-use super::kinds::{hours, minutes, ms, name, unit};
+use super::kinds::{RegisterValues, hours, minutes, ms, name, of_registers, unit};
 use super::line::reply_timeout;
 use super::mqtt::heartbeat;
 use crate::domain::ids::{Name, Station, UnitId};
 use crate::profile::register::{RegisterFile, extra_register};
+use crate::toml_file::declare::{KeyForm, RefusedKey, declare_table, optional, required, table};
 use crate::toml_file::values::{ValueKind, WrongValue};
 use crate::toml_file::{OptionalKey, RequiredKey, TableReader};
 use std::time::Duration;

@@ -2,11 +2,11 @@
 
 use super::super::ready_http::PageViewers;
 use super::super::words::{ROLES, VIEWERS};
-use super::declare::{declare_table, list, optional, required, table, tables};
 use super::kinds::{absolute_path, address, commander_name, name};
 use super::listener::allow;
 use crate::domain::ids::{CommanderName, Name};
 use crate::north::operator::rights::UserRole;
+use crate::toml_file::declare::{declare_table, list, optional, required, table, tables};
 use crate::toml_file::values::ValueKind;
 use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey};
 use ipnet::IpNet;
@@ -22,7 +22,7 @@ declare_table! {
         allow: OptionalKey<Vec<IpNet>> = allow(),
             without "all clients, which are on this host: required unless the address is loopback";
         /// Additional host names for the gateway in browsers, without a port. IP addresses are always accepted.
-        hosts: OptionalKey<Vec<LocatedValue<String>>> = list("host names", ValueKind::text()),
+        hosts: OptionalKey<Vec<LocatedValue<String>>> = list(ValueKind::text()).listed_as("list of host names"),
             without "none but the host's own and `localhost`";
         /// Who sees the drives on the page and below `/api/v1/`: every client in `allow`, or users who have signed in.
         /// `/healthz`, `/readyz` and `/metrics` stay open to `allow`.
@@ -55,7 +55,7 @@ declare_table! {
         role: OptionalKey<UserRole> = optional(ValueKind::choice(&ROLES, UserRole::meaning)),
             default "maintain";
         /// The groups whose drives the user may command. A stop works for all drives.
-        groups: OptionalKey<Vec<LocatedValue<Name>>> = list("groups of drives", name()),
+        groups: OptionalKey<Vec<LocatedValue<Name>>> = list(name()).listed_as("list of groups of drives"),
             without "all drives";
     }
 }

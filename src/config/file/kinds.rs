@@ -3,7 +3,9 @@
 use super::super::port_address;
 use super::super::ready::PortAddress;
 use crate::domain::ids::{CommanderName, Name, UnitId};
+use crate::toml_file::declare::KeyForm;
 use crate::toml_file::values::{ValueKind, WrongValue};
+use crate::toml_file::{LocatedValue, OptionalKey};
 use ipnet::IpNet;
 use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
@@ -50,6 +52,17 @@ pub fn absolute_path() -> ValueKind<'static, PathBuf> {
         Some(PathBuf::from(text)).filter(|path| path.is_absolute())
     })
     .listed_as("absolute path")
+}
+
+/// Values by the names of registers.
+pub type RegisterValues<T> = OptionalKey<Vec<(String, LocatedValue<T>)>>;
+
+/// A table in which the operator chooses the keys: polled registers.
+pub fn of_registers<'k, T: 'k>(kind: ValueKind<'k, T>) -> KeyForm<'k, RegisterValues<T>> {
+    let notation = format!("table: polled register = {}", kind.notation());
+    KeyForm::new(notation, move |reader, key| {
+        reader.inner(key, |reader| reader.all(&kind))
+    })
 }
 
 /// A port of the gateway.

@@ -2,11 +2,11 @@
 
 use super::super::ready::{LineSilence, PortAddress};
 use super::super::words::DIRECTION_CONTROLS;
-use super::declare::{KeyForm, declare_table, each, optional, required};
 use super::drive::DriveFile;
 use super::kinds::{baud, hours, minutes, ms, name, port, seconds};
 use crate::domain::ids::Name;
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, Parity};
+use crate::toml_file::declare::{KeyForm, declare_table, each, optional, required};
 use crate::toml_file::values::ValueKind;
 use crate::toml_file::words::{ECHO_POLICIES, FRAMINGS, INTERFACES, PARITIES};
 use crate::toml_file::{OptionalKey, RequiredKey, TableReader};

@@ -1,10 +1,12 @@
 //! The tables of a Modbus TCP listener: `[[modbus_tcp]]` and `[modbus_tcp.tls]`.
 
 use super::super::words::{ROLE_RIGHTS, RoleRight};
-use super::declare::{KeyForm, RefusedKey, declare_table, list, optional, required, table};
 use super::kinds::{absolute_path, address, hours, network, unit};
 use crate::domain::ids::UnitId;
 use crate::north::modbus::{ClientSlots, ConnectionLimits};
+use crate::toml_file::declare::{
+    KeyForm, RefusedKey, declare_table, list, optional, required, table,
+};
 use crate::toml_file::values::ValueKind;
 use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader};
 use ipnet::IpNet;
@@ -21,13 +23,13 @@ declare_table! {
         allow: OptionalKey<Vec<IpNet>> = allow(),
             without "all clients, which are on this host: required unless the address is loopback";
         /// The lines whose drives this listener serves.
-        lines: OptionalKey<Vec<LocatedValue<String>>> = list("line names", ValueKind::text()),
+        lines: OptionalKey<Vec<LocatedValue<String>>> = list(ValueKind::text()).listed_as("list of line names"),
             without "all lines";
         /// Who may command and write, if the drive allows it.
-        write: OptionalKey<Vec<LocatedValue<IpNet>>> = list("networks inside `allow`", network()),
+        write: OptionalKey<Vec<LocatedValue<IpNet>>> = list(network()).listed_as("list of networks inside `allow`"),
             without "[]: no client; with `tls` every client that may connect, according to its role";
         /// Who may stop. It must include every network in `write`.
-        stop: OptionalKey<Vec<LocatedValue<IpNet>>> = list("networks inside `allow`", network()),
+        stop: OptionalKey<Vec<LocatedValue<IpNet>>> = list(network()).listed_as("list of networks inside `allow`"),
             without "`write`";
         /// Whether reads renew the lease of the client that controls a drive.
         reads_renew: OptionalKey<bool> = optional(ValueKind::flag()), default false;
@@ -35,13 +37,13 @@ declare_table! {
         /// their poll period and than the last order for the drive.
         cached: OptionalKey<bool> = optional(ValueKind::flag()), default false;
         /// The units that this listener serves, native or uniform. 255, the gateway itself, is always served.
-        units: OptionalKey<Vec<LocatedValue<UnitId>>> = list("units of its drives", unit()),
+        units: OptionalKey<Vec<LocatedValue<UnitId>>> = list(unit()).listed_as("list of units of its drives"),
             without "all of its lines";
         /// Maximum number of clients, without those with `priority`. One more replaces the client that was idle longest.
         connections_max: OptionalKey<u32> = optional(ValueKind::number(1..=ClientSlots::MOST as u32)),
             without "10,240 for all listeners, or fewer if the limit of open files is lower";
         /// Clients whose connections are never closed for others, and for which some connections are reserved.
-        priority: OptionalKey<Vec<LocatedValue<IpNet>>> = list("networks inside `allow`", network()),
+        priority: OptionalKey<Vec<LocatedValue<IpNet>>> = list(network()).listed_as("list of networks inside `allow`"),
             without "[]: no client";
         /// A connection without a request is closed after this time.
         idle_timeout: OptionalKey<Duration> = optional(idle_timeout()),

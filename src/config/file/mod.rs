@@ -3,7 +3,6 @@
 //! Each table is declared in one place, by `declare_table`: its keys with their types, valid values, defaults and purposes.
 
 mod control;
-mod declare;
 mod drive;
 mod http;
 mod kinds;
@@ -27,9 +26,9 @@ use super::words::{REMOVALS, of_removal};
 use crate::domain::ids::Name;
 use crate::domain::problem::Problem;
 use crate::domain::standby::RANK_MAX;
+use crate::toml_file::declare::{declare_table, each, list, optional, required};
 use crate::toml_file::values::ValueKind;
 use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader, document};
-use declare::{declare_table, each, list, optional, required};
 use kinds::{absolute_path, minutes, name, seconds};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -58,7 +57,7 @@ declare_table! {
         /// in a directory of its own user; elsewhere the gateway says how to create it, and controls without it.
         data_dir: OptionalKey<PathBuf> = optional(absolute_path()), without "none";
         /// Directories with your own models (`*.toml`).
-        model_dirs: OptionalKey<Vec<LocatedValue<PathBuf>>> = list("absolute paths", absolute_path()),
+        model_dirs: OptionalKey<Vec<LocatedValue<PathBuf>>> = list(absolute_path()).listed_as("list of absolute paths"),
             without "none";
         /// What a reload does if it would remove a drive that runs or is under control, or restart its line: refuse the reload,
         /// or stop the drive first.

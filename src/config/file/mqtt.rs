@@ -2,12 +2,12 @@
 
 use super::super::broker::{self, BrokerAddress};
 use super::super::words::{COMBINED, LEASES, TREES, of_lease};
-use super::declare::{
-    KeyForm, RefusedKey, declare_table, list, list_of_words, optional, required, table,
-};
 use super::kinds::{absolute_path, hours, minutes, ms, seconds};
 use crate::north::broker::{MqttVersion, Qos};
 use crate::north::mqtt::{CombinedEntity, LeaseMode, TopicTree};
+use crate::toml_file::declare::{
+    KeyForm, RefusedKey, declare_table, list, optional, required, table,
+};
 use crate::toml_file::values::{ValueKind, WrongValue};
 use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey};
 use std::path::PathBuf;
@@ -20,7 +20,7 @@ declare_table! {
         broker: RequiredKey<BrokerAddress> = required(broker_address());
         /// The other nodes of a cluster. Each time a connection ends, the next one is tried.
         also_at: OptionalKey<Vec<LocatedValue<BrokerAddress>>> =
-            list("\"mqtt://host:port\" or \"mqtts://host:port\"", broker_address()),
+            list(broker_address()).listed_as("list of \"mqtt://host:port\" or \"mqtts://host:port\""),
             without "none";
         /// The user name for the broker.
         user: OptionalKey<String> = optional(ValueKind::text()), without "anonymous";
@@ -61,7 +61,7 @@ declare_table! {
         /// How many changes of run state, frequencies and measurements are kept while the broker is unreachable; 0 for none.
         keep_telemetry: OptionalKey<usize> = optional(kept_changes()), default 0;
         /// Optional topics to publish.
-        publish: OptionalKey<Vec<LocatedValue<TopicTree>>> = list_of_words(ValueKind::one_of(&TREES)),
+        publish: OptionalKey<Vec<LocatedValue<TopicTree>>> = list(ValueKind::one_of(&TREES)),
             without "all of them";
         /// Whether to announce drives and lines to Home Assistant; the discovery prefix, "homeassistant" by default; whether to
         /// announce whole devices instead of single entities, false by default; what each drive that may be commanded is
@@ -90,7 +90,7 @@ declare_table! {
         devices: OptionalKey<bool> = optional(ValueKind::flag()), default false;
         /// What each drive that may be commanded is announced as besides its buttons.
         combined: OptionalKey<Vec<LocatedValue<CombinedEntity>>> =
-            list_of_words(ValueKind::one_of(&COMBINED)), without "none";
+            list(ValueKind::one_of(&COMBINED)), without "none";
         /// The address of the page, to which the devices lead.
         page: OptionalKey<String> = optional(page()), without "none";
     }

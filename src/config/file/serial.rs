@@ -2,11 +2,11 @@
 
 use super::super::ready::PortAddress;
 use super::super::words::DIRECTION_CONTROLS;
-use super::declare::{declare_table, list, optional, required};
 use super::kinds::{baud, commander_name, ms, port, seconds, unit};
 use super::listener::ListenerFile;
 use crate::domain::ids::{CommanderName, UnitId};
 use crate::domain::link::{DirectionControl, Framing, Parity};
+use crate::toml_file::declare::{declare_table, list, optional, required};
 use crate::toml_file::values::ValueKind;
 use crate::toml_file::words::{FRAMINGS, PARITIES};
 use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey};
@@ -38,11 +38,11 @@ declare_table! {
         /// Whether to ask the driver to deliver received bytes at once, if it can.
         low_latency: OptionalKey<bool> = optional(ValueKind::flag()), default true;
         /// The lines whose drives this master reaches.
-        lines: OptionalKey<Vec<LocatedValue<String>>> = list("line names", ValueKind::text()),
+        lines: OptionalKey<Vec<LocatedValue<String>>> = list(ValueKind::text()).listed_as("list of line names"),
             without "all lines";
         /// The units that answer here, native or uniform. Any other unit gets no answer, because it may belong to another slave
         /// on the bus. 255, the gateway itself, always answers.
-        units: OptionalKey<Vec<LocatedValue<UnitId>>> = list("units of its drives", unit()),
+        units: OptionalKey<Vec<LocatedValue<UnitId>>> = list(unit()).listed_as("list of units of its drives"),
             without "all of its lines";
         /// Whether the master may command and write, if the drive allows it with "modbus-tcp" in `from`.
         allow_write: OptionalKey<bool> = optional(ValueKind::flag()), default false;
