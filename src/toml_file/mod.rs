@@ -19,6 +19,7 @@
 //! assert_eq!(problems.len(), 2);
 //! ```
 
+pub mod declare;
 pub mod fill;
 #[cfg(test)]
 pub mod key_uses;

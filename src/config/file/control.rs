@@ -4,7 +4,6 @@ use super::super::words::{
     self, ACTIONS, BUS_FUNCTIONS, COMMANDS, CommandInterface, DIRECTIONS, FAIL_SAFES, LEASES,
     ON_GATEWAY_LOST, ON_OUTPUT_OUTSIDE, OWNERSHIPS, WAYS,
 };
-use super::declare::{KeyForm, declare_table, list, optional, required, required_list};
 use super::kinds::{ListKey, choice, flag, hours, minutes, ms, seconds, time};
 use crate::domain::command::Direction;
 use crate::domain::control::{
@@ -14,6 +13,7 @@ use crate::domain::control::{
 use crate::domain::frequency::Hertz;
 use crate::domain::standby::OnGatewayLost;
 use crate::north::mqtt::LeaseMode;
+use crate::toml_file::declare::{KeyForm, declare_table, list, optional, required, required_list};
 use crate::toml_file::values::{ValueKind, WrongValue};
 use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey, RequiredKey, TableReader};
 use std::time::Duration;

@@ -2,7 +2,6 @@
 
 use super::super::ready::DriveSettings;
 use super::control::{ControlFile, NativeFile};
-use super::declare::{KeyForm, RefusedKey, declare_table, optional, required, table};
 use super::kinds::{
     RegisterValues, hours, minutes, ms, name, of_registers, reply_timeout, time, unit,
 };
@@ -13,6 +12,7 @@ use crate::domain::link::Framing;
 use crate::drive::description::{DriveRatings, PointSettings};
 use crate::profile::model::Model;
 use crate::profile::register::{RegisterFile, extra_register};
+use crate::toml_file::declare::{KeyForm, RefusedKey, declare_table, optional, required, table};
 use crate::toml_file::values::{ValueKind, WrongValue};
 use crate::toml_file::{OptionalKey, RequiredKey, TableReader};
 use std::sync::Arc;

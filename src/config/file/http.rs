@@ -3,11 +3,11 @@
 use super::super::lists;
 use super::super::ready::{HashSource, HttpSettings, HttpTls, PageViewers, UserSettings};
 use super::super::words::{ROLES, VIEWERS, of_viewers};
-use super::declare::{declare_table, list, optional, required, table, tables};
 use super::kinds::{ListKey, absolute_path, address, choice, commander_name, flag, name};
 use super::listener::allow;
 use crate::domain::ids::{CommanderName, Name};
 use crate::north::operator::rights::{UserRights, UserRole};
+use crate::toml_file::declare::{declare_table, list, optional, required, table, tables};
 use crate::toml_file::values::ValueKind;
 use crate::toml_file::{OptionalKey, RequiredKey};
 use ipnet::IpNet;

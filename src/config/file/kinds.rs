@@ -2,8 +2,8 @@
 
 use super::super::port_address;
 use super::super::ready::PortAddress;
-use super::declare::{KeyForm, optional};
 use crate::domain::ids::{CommanderName, Name, UnitId};
+use crate::toml_file::declare::{KeyForm, optional};
 use crate::toml_file::values::{ValueKind, WrongValue};
 use crate::toml_file::{LocatedValue, OptionalKey};
 use ipnet::IpNet;

@@ -2,12 +2,12 @@
 
 use super::super::ready::{DriveSettings, LineSettings, LineSilence, PortAddress};
 use super::super::words::DIRECTION_CONTROLS;
-use super::declare::{KeyForm, declare_table, each, optional, required};
 use super::drive::DriveFile;
 use super::kinds::{baud, flag, hours, ms, name, port, reply_timeout, seconds, time};
 use crate::domain::ids::Name;
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, LinkSettings, Parity};
 use crate::domain::standby::StandbyPair;
+use crate::toml_file::declare::{KeyForm, declare_table, each, optional, required};
 use crate::toml_file::values::ValueKind;
 use crate::toml_file::words::{ECHO_POLICIES, FRAMINGS, INTERFACES, PARITIES};
 use crate::toml_file::{OptionalKey, RequiredKey, TableReader};

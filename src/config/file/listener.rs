@@ -3,11 +3,13 @@
 use super::super::lists;
 use super::super::ready::{ListenerSettings, ListenerTls};
 use super::super::words::{ROLE_RIGHTS, RoleRight, of_right};
-use super::declare::{KeyForm, RefusedKey, declare_table, list, optional, required, table};
 use super::kinds::{ListKey, absolute_path, address, flag, hours, network, unit};
 use crate::domain::command::Rights;
 use crate::domain::ids::UnitId;
 use crate::north::modbus::{ClientSlots, ConnectionLimits};
+use crate::toml_file::declare::{
+    KeyForm, RefusedKey, declare_table, list, optional, required, table,
+};
 use crate::toml_file::values::ValueKind;
 use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader};
 use ipnet::IpNet;

@@ -3,7 +3,6 @@
 //! Each table is declared in one place, by `declare_table`: its keys with their types, valid values, defaults and purposes.
 
 mod control;
-mod declare;
 mod drive;
 mod http;
 mod kinds;
@@ -28,9 +27,9 @@ use super::words::{REMOVALS, of_removal};
 use crate::domain::ids::Name;
 use crate::domain::problem::Problem;
 use crate::domain::standby::{RANK_MAX, StandbyPair};
+use crate::toml_file::declare::{declare_table, each, list, optional, required};
 use crate::toml_file::values::ValueKind;
 use crate::toml_file::{OptionalKey, RequiredKey, TableReader, document};
-use declare::{declare_table, each, list, optional, required};
 use kinds::{absolute_path, choice, minutes, name, seconds};
 use std::path::PathBuf;
 use std::time::Duration;

@@ -4,10 +4,12 @@ use super::super::broker::{self, BrokerAddress};
 use super::super::lists;
 use super::super::ready_broker::{MqttSettings, SparkplugSettings};
 use super::super::words::{COMBINED, LEASES, TREES, of_lease};
-use super::declare::{KeyForm, RefusedKey, declare_table, list, optional, required, table};
 use super::kinds::{ListKey, absolute_path, choice, flag, hours, minutes, ms, seconds, time};
 use crate::north::broker::{MqttVersion, Qos};
 use crate::north::mqtt::{CombinedEntity, HomeAssistant, LeaseMode, Settings, TopicTree};
+use crate::toml_file::declare::{
+    KeyForm, RefusedKey, declare_table, list, optional, required, table,
+};
 use crate::toml_file::values::{ValueKind, WrongValue};
 use crate::toml_file::{OptionalKey, RequiredKey};
 use std::path::PathBuf;

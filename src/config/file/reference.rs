@@ -2,7 +2,6 @@
 
 use super::super::tests::{CONTROLLED, example, problems, with};
 use super::control::{ControlFile, LimitsFile, NativeFile};
-use super::declare::{DeclaredKey, DeclaredTable};
 use super::drive::DriveFile;
 use super::http::{HttpFile, HttpTlsFile, HttpUserFile};
 use super::line::LineFile;
@@ -10,6 +9,7 @@ use super::listener::{ListenerFile, ListenerTlsFile};
 use super::mqtt::{HomeAssistantFile, MqttFile, SparkplugFile};
 use super::serial::SerialFile;
 use super::{GatewayFile, JournalFile, StandbyFile};
+use crate::toml_file::declare::{DeclaredKey, DeclaredTable, KeyForm};
 
 /// Keys that exclude another one, or that need what the example has not, so that it shows them in a comment only.
 const EXCLUDED: [&str; 15] = [
@@ -75,7 +75,7 @@ pub fn names() -> Vec<&'static str> {
 fn registers() -> DeclaredTable {
     let key = |name, notation: &str, default: Option<&str>, about: &str| DeclaredKey {
         name,
-        notation: notation.to_owned(),
+        valid: KeyForm::new(notation, |_, _| ()).valid,
         default: default.map(str::to_owned),
         has_valid_default: true,
         about: about.to_owned(),
@@ -85,6 +85,7 @@ fn registers() -> DeclaredTable {
     let native = "The access that the drive allows. Written only if `native` lists it.";
     DeclaredTable {
         header: "[[line.drive.register]]",
+        says: String::new(),
         keys: vec![
             key(
                 "name",
@@ -141,7 +142,7 @@ fn row(key: &DeclaredKey) -> String {
     format!(
         "| `{}` | {} | {} | {} |\n",
         key.name,
-        marked(&key.notation),
+        marked(&key.valid.notation),
         marked(key.default.as_deref().unwrap_or("required")),
         marked(&key.about)
     )

@@ -2,11 +2,11 @@
 
 use super::super::ready::{ListenerSettings, PortAddress, SerialMasterSettings};
 use super::super::words::DIRECTION_CONTROLS;
-use super::declare::{declare_table, list, optional, required};
 use super::kinds::{ListKey, baud, commander_name, flag, ms, port, seconds, time, unit};
 use super::listener::ListenerFile;
 use crate::domain::ids::{CommanderName, UnitId};
 use crate::domain::link::{DirectionControl, Framing, LinkSettings, Parity};
+use crate::toml_file::declare::{declare_table, list, optional, required};
 use crate::toml_file::values::ValueKind;
 use crate::toml_file::words::{FRAMINGS, PARITIES};
 use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey};
