@@ -33,7 +33,7 @@ pub enum RoleRight {
 
 /// A value that a file writes as a word.
 pub(super) trait FileWord {
-    /// The word.
+    /// The word that stands for it in a file.
     fn word(&self) -> &'static str;
 }
 
