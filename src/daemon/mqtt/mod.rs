@@ -37,7 +37,7 @@ pub use bdseq::BdSeq;
 pub use client::converse;
 pub use counters::ClientCounters;
 pub use retry::ClientRival;
-pub use settings::{BrokerKeeps, BrokerTls, ConnectionSettings, HiddenText};
+pub use settings::{BrokerKeeps, ConnectionSettings, HiddenText};
 pub use tls::{TlsError, check as check_tls};
 
 use crate::domain::time::MonoTime;

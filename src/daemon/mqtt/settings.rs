@@ -1,8 +1,8 @@
 //! How the broker is reached.
 
+use crate::config::TlsSettings;
 use crate::north::broker::MqttVersion;
 use std::fmt;
-use std::path::PathBuf;
 use std::time::Duration;
 
 /// Shortest keep-alive that is used: a slow answer is not a dead connection.
@@ -20,7 +20,7 @@ pub struct ConnectionSettings {
     /// Other addresses of the same broker, such as the nodes of a cluster: after each connection the next one is tried.
     pub also_at: Vec<(String, u16)>,
     /// How it is authenticated; `None` for plain TCP.
-    pub tls: Option<BrokerTls>,
+    pub tls: Option<TlsSettings>,
     /// Client identifier; must be unique at the broker.
     pub client_id: String,
     /// User name.
@@ -64,15 +64,6 @@ impl ConnectionSettings {
         }
         self
     }
-}
-
-/// How the broker is authenticated. This cannot be switched off.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct BrokerTls {
-    /// PEM file with the only authorities to trust; `None` for those of the system.
-    pub ca_file: Option<PathBuf>,
-    /// PEM files with a certificate chain and its key, to authenticate this side.
-    pub client_cert: Option<(PathBuf, PathBuf)>,
 }
 
 /// A text that is hidden in debug output.

@@ -5,6 +5,7 @@ mod writing;
 
 use super::stub::{CONNECT, DISCONNECT, PUBACK, PUBLISH, Peer, SUBSCRIBE, Stub};
 use super::*;
+use crate::config::TlsSettings;
 use crate::north::broker::{
     BrokerLimits, MqttVersion, PublicationRefusal, Qos, SubscriptionFilter,
 };
@@ -273,9 +274,9 @@ async fn a_broker_that_never_answers_connect_is_given_up_in_time() {
 #[tokio::test]
 async fn an_attempt_that_ends_before_connect_is_reported_as_unsent() {
     let rig = Rig::default();
-    let tls = BrokerTls {
+    let tls = TlsSettings {
         ca_file: Some("/no/such/authority.pem".into()),
-        ..BrokerTls::default()
+        ..TlsSettings::default()
     };
     let settings = ConnectionSettings {
         tls: Some(tls),

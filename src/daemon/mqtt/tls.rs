@@ -1,6 +1,6 @@
 //! TLS to the broker: trusted authorities, and our own certificate.
 
-use super::settings::BrokerTls;
+use crate::config::TlsSettings;
 use crate::daemon::host::pem_files::{FileError, certificates, key as key_of};
 use rustls::crypto::ring;
 use rustls::{ClientConfig, RootCertStore};
@@ -25,12 +25,12 @@ pub enum TlsError {
 ///
 /// # Errors
 /// What is wrong with them.
-pub fn check(settings: &BrokerTls) -> Result<(), TlsError> {
+pub fn check(settings: &TlsSettings) -> Result<(), TlsError> {
     config(settings).map(|_| ())
 }
 
 /// Reads the files on another thread: they may be many and slow. `None` without settings.
-pub async fn read(settings: Option<BrokerTls>) -> Result<Option<Arc<ClientConfig>>, String> {
+pub async fn read(settings: Option<TlsSettings>) -> Result<Option<Arc<ClientConfig>>, String> {
     let Some(settings) = settings else {
         return Ok(None);
     };
@@ -43,15 +43,17 @@ pub async fn read(settings: Option<BrokerTls>) -> Result<Option<Arc<ClientConfig
 }
 
 /// Reads the files. Done for every connection, so that renewed certificates are used without a restart.
-pub fn config(settings: &BrokerTls) -> Result<Arc<ClientConfig>, TlsError> {
+pub fn config(settings: &TlsSettings) -> Result<Arc<ClientConfig>, TlsError> {
     let roots = roots(settings.ca_file.as_deref())?;
     // The provider is named, so that it does not matter what other parts of the process install.
     let config = ClientConfig::builder_with_provider(Arc::new(ring::default_provider()))
         .with_safe_default_protocol_versions()?
         .with_root_certificates(roots);
-    let config = match &settings.client_cert {
+    let config = match &settings.client {
         None => config.with_no_client_auth(),
-        Some((chain, key)) => config.with_client_auth_cert(certificates(chain)?, key_of(key)?)?,
+        Some(own) => {
+            config.with_client_auth_cert(certificates(&own.cert_file)?, key_of(&own.key_file)?)?
+        }
     };
     Ok(Arc::new(config))
 }
@@ -85,9 +87,9 @@ mod tests {
 
     #[test]
     fn a_missing_file_is_named() {
-        let settings = BrokerTls {
+        let settings = TlsSettings {
             ca_file: Some("/nowhere/ca.pem".into()),
-            client_cert: None,
+            client: None,
         };
         let error = check(&settings).unwrap_err().to_string();
         assert!(error.contains("/nowhere/ca.pem"), "{error}");
@@ -95,9 +97,9 @@ mod tests {
 
     #[test]
     fn a_file_without_certificates_trusts_nobody() {
-        let settings = BrokerTls {
+        let settings = TlsSettings {
             ca_file: Some("/dev/null".into()),
-            client_cert: None,
+            client: None,
         };
         assert!(check(&settings).is_err());
     }

@@ -1,9 +1,9 @@
 //! Builds from the configuration what the journal and the conversations with the broker need.
 
-use crate::config::{self, BrokerSettings, Config, MqttSettings, PasswordSource};
+use crate::config::{BrokerSettings, Config, MqttSettings, PasswordSource};
 use crate::daemon::host::secret_files;
 use crate::daemon::journal;
-use crate::daemon::mqtt::{BrokerKeeps, BrokerTls, ConnectionSettings, HiddenText, check_tls};
+use crate::daemon::mqtt::{BrokerKeeps, ConnectionSettings, HiddenText, check_tls};
 use crate::daemon::service::conversations::{BrokerSide, MqttConversation, SparkplugConversation};
 use crate::domain::ids::Name;
 use crate::domain::standby::StandbyPair;
@@ -43,12 +43,7 @@ pub fn broker(
                 tls,
             },
             _,
-        ) => (
-            host.clone(),
-            *port,
-            also_at.clone(),
-            tls.as_ref().map(tls_settings),
-        ),
+        ) => (host.clone(), *port, also_at.clone(), tls.clone()),
         (BrokerSettings::Embedded, Some(address)) => {
             (address.ip().to_string(), address.port(), Vec::new(), None)
         }
@@ -99,17 +94,6 @@ pub fn broker(
         settings: mqtt.session.clone(),
     };
     Ok(BrokerSide { mqtt, sparkplug })
-}
-
-fn tls_settings(tls: &config::TlsSettings) -> BrokerTls {
-    let client_cert = tls
-        .client
-        .as_ref()
-        .map(|client| (client.cert_file.clone(), client.key_file.clone()));
-    BrokerTls {
-        ca_file: tls.ca_file.clone(),
-        client_cert,
-    }
 }
 
 /// A file's text without the line break that editors put at its end.

@@ -6,7 +6,7 @@ use super::qualified::QualifiedStanding;
 use crate::domain::control::{BusFunctions, ControlAction, FailSafe, SiteEvidence};
 use crate::domain::problem::Problem;
 use crate::profile::model::Model;
-use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
+use crate::toml_file::{KeyLocation, OptionalKey};
 use crate::vendors;
 
 /// What is accepted for one drive, and how what is not is reported.
@@ -38,7 +38,7 @@ impl<'a> DriveAcceptance<'a> {
     /// `problem`, that something unproven is not accepted. It is only a warning while the drive is being qualified, or if
     /// what was confirmed at it no longer counts: the guard refuses the orders, and the other drives are served.
     pub fn judged(&self, problem: Problem) -> Problem {
-        let is_expected = self.qualifies()
+        let is_expected = self.file.qualify.valid_as(&true).is_some()
             || matches!(
                 self.standing,
                 QualifiedStanding::Void(..) | QualifiedStanding::Unreadable
@@ -48,13 +48,6 @@ impl<'a> DriveAcceptance<'a> {
         } else {
             problem
         }
-    }
-
-    fn qualifies(&self) -> bool {
-        self.file
-            .qualify
-            .valid()
-            .is_some_and(|qualify| qualify.value)
     }
 
     /// All accepted actions, and those of them that rest on what was seen at the drive.
@@ -67,18 +60,9 @@ impl<'a> DriveAcceptance<'a> {
             !listed.contains(action) && model.is_some_and(|it| is_unproven(it, *action))
         };
         let actions: Vec<_> = evidence.actions.iter().copied().filter(counts).collect();
-        let accepted = listed
-            .iter()
-            .copied()
-            .chain(actions.iter().copied())
-            .collect();
-        (
-            accepted,
-            SiteEvidence {
-                actions,
-                identity: evidence.identity,
-            },
-        )
+        let accepted = listed.iter().chain(&actions).copied().collect();
+        let identity = evidence.identity;
+        (accepted, SiteEvidence { actions, identity })
     }
 
     /// Reports what there is to say about trials at this drive, whose section is at `location`.
@@ -93,68 +77,38 @@ impl<'a> DriveAcceptance<'a> {
                     "what was confirmed at this drive no longer counts ({}): {why}",
                     lost.join(", ")
                 );
-                problems.push(
-                    location
-                        .problem(what)
-                        .right("`vfd-gateway qualify` once more")
-                        .warning(),
-                );
+                location.warn(what, "`vfd-gateway qualify` once more", problems);
             }
         }
-        let OptionalKey::Valid(LocatedValue {
-            value: true,
-            location,
-        }) = &self.file.qualify
-        else {
+        let Some(qualify) = self.file.qualify.valid_as(&true) else {
             return;
         };
         let what = "the drive is being qualified: a person at this host may try what is unproven \
                     for its model";
-        problems.push(
-            location
-                .problem(what)
-                .right("remove it when the trials are done")
-                .warning(),
-        );
-        if let Some(lost) = self
-            .file
-            .on_commander_lost
-            .as_ref()
-            .filter(|lost| lost.value == FailSafe::Hold)
+        qualify.warn(what, "remove it when the trials are done", problems);
+        if let Some(lost) = &self.file.on_commander_lost
+            && lost.value == FailSafe::Hold
         {
             let what = "with `qualify`, a motor that runs in a trial would run on if the command is killed";
-            problems.push(lost.location.problem(what).right("\"stop\""));
+            lost.refuse(what, "\"stop\"", problems);
         }
-        if let Some(bus) = self
-            .file
-            .bus
-            .valid()
-            .filter(|bus| bus.value != BusFunctions::Both)
+        if let Some(bus) = self.file.bus.valid()
+            && bus.value != BusFunctions::Both
         {
             let what = "with `qualify`, run commands and the frequency must come over the bus";
-            problems.push(bus.location.problem(what).right("\"both\""));
+            bus.refuse(what, "\"both\"", problems);
         }
     }
 }
 
 /// Without a data directory there is no socket for the command, and no place for the results.
 pub(super) fn trials_are_kept(file: &ConfigFile, problems: &mut Vec<Problem>) {
-    if !matches!(file.gateway.data_dir, OptionalKey::Absent) {
+    if !file.gateway.data_dir.is_absent() {
         return;
     }
-    let controls = file
-        .lines
-        .iter()
-        .flat_map(|line| &line.drives)
-        .filter_map(|drive| drive.control.valid());
-    for qualify in controls
-        .filter_map(|control| control.value.qualify.valid())
-        .filter(|qualify| qualify.value)
-    {
-        let problem = qualify
-            .location
-            .problem("has no effect: without a data directory no result can be kept");
-        problems.push(problem.right("`data_dir` in `[gateway]`").warning());
+    for qualify in file.controls().filter_map(|it| it.qualify.valid_as(&true)) {
+        let what = "has no effect: without a data directory no result can be kept";
+        qualify.warn(what, "`data_dir` in `[gateway]`", problems);
     }
 }
 

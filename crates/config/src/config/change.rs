@@ -1,8 +1,7 @@
 //! The differences between a new configuration and the one in force: which lines continue, end and start, and the same
 //! in words for people.
 
-use super::ready::{Config, ListenerSettings};
-use super::ready_serial::SerialMasterSettings;
+use super::ready::{Config, ListenerSettings, SerialMasterSettings};
 use crate::domain::ids::Name;
 use std::fmt;
 
@@ -94,14 +93,19 @@ impl PartChange {
 }
 
 impl ChangeNote {
+    /// A difference in a part that exists only once.
+    const fn of_one(part: ConfigPart, how: PartChange) -> Self {
+        Self {
+            part,
+            name: None,
+            how,
+        }
+    }
+
     /// The broker's side differs in something outside the configuration, such as its password.
     #[must_use]
     pub const fn mqtt_changed() -> Self {
-        Self {
-            part: ConfigPart::Mqtt,
-            name: None,
-            how: PartChange::Changed,
-        }
+        Self::of_one(ConfigPart::Mqtt, PartChange::Changed)
     }
 }
 
@@ -170,68 +174,37 @@ fn needs_restart(old: &Config, new: &Config) -> Vec<&'static str> {
 fn change_notes(old: &Config, new: &Config) -> Vec<ChangeNote> {
     let mut notes = Vec::new();
     if old.gateway != new.gateway {
-        notes.push(ChangeNote {
-            part: ConfigPart::Gateway,
-            name: None,
-            how: PartChange::Changed,
-        });
+        let how = PartChange::Changed;
+        notes.push(ChangeNote::of_one(ConfigPart::Gateway, how));
     }
-    one(
-        &mut notes,
-        ConfigPart::Standby,
-        old.standby.as_ref(),
-        new.standby.as_ref(),
-    );
-    compare(&mut notes, ConfigPart::Line, &lines(old), &lines(new));
-    compare(&mut notes, ConfigPart::Drive, &drives(old), &drives(new));
-    one(
-        &mut notes,
-        ConfigPart::Mqtt,
-        old.mqtt.as_ref(),
-        new.mqtt.as_ref(),
-    );
-    compare(
-        &mut notes,
-        ConfigPart::ModbusTcp,
-        &listeners(old),
-        &listeners(new),
-    );
-    compare(
-        &mut notes,
-        ConfigPart::ModbusRtu,
-        &masters(old),
-        &masters(new),
-    );
-    one(
-        &mut notes,
-        ConfigPart::Http,
-        old.http.as_ref(),
-        new.http.as_ref(),
-    );
+    let kept = &mut notes;
+    one(kept, ConfigPart::Standby, &old.standby, &new.standby);
+    compare(kept, ConfigPart::Line, &lines(old), &lines(new));
+    compare(kept, ConfigPart::Drive, &drives(old), &drives(new));
+    one(kept, ConfigPart::Mqtt, &old.mqtt, &new.mqtt);
+    let part = ConfigPart::ModbusTcp;
+    compare(kept, part, &listeners(old), &listeners(new));
+    compare(kept, ConfigPart::ModbusRtu, &masters(old), &masters(new));
+    one(kept, ConfigPart::Http, &old.http, &new.http);
     notes
 }
 
 type Named<T> = Vec<(String, T)>;
 
 fn lines(config: &Config) -> Named<&super::LineSettings> {
-    config
-        .lines
-        .iter()
-        .map(|line| (line.name.to_string(), line))
-        .collect()
+    let lines = config.lines.iter();
+    lines.map(|line| (line.name.to_string(), line)).collect()
 }
 
 /// Each with its line: a drive that moves to another line is changed.
 fn drives(config: &Config) -> Named<(&super::DriveSettings, &str)> {
-    config
-        .lines
-        .iter()
-        .flat_map(|line| {
-            line.drives
-                .iter()
-                .map(|drive| (drive.name.to_string(), (drive, line.name.as_str())))
-        })
-        .collect()
+    let mut named = Vec::new();
+    for line in &config.lines {
+        for drive in &line.drives {
+            named.push((drive.name.to_string(), (drive, line.name.as_str())));
+        }
+    }
+    named
 }
 
 /// The names of lines that are served; `None` for all.
@@ -240,40 +213,24 @@ type Served<'c> = Option<Vec<&'c str>>;
 /// What `listener` grants, and the names of its lines: equal lines may have other indices.
 fn served<'c>(config: &'c Config, listener: &ListenerSettings) -> (ListenerSettings, Served<'c>) {
     let name = |at: &usize| config.lines.get(*at).map(|line| line.name.as_str());
-    let names = listener
-        .lines
-        .as_ref()
-        .map(|lines| lines.iter().filter_map(name).collect());
-    (
-        ListenerSettings {
-            lines: None,
-            ..listener.clone()
-        },
-        names,
-    )
+    let mut listener = listener.clone();
+    let lines = listener.lines.take();
+    let names = lines.map(|lines| lines.iter().filter_map(name).collect());
+    (listener, names)
 }
 
 fn listeners(config: &Config) -> Named<(ListenerSettings, Served<'_>)> {
-    config
-        .listeners
-        .iter()
-        .map(|it| (it.listen.to_string(), served(config, it)))
-        .collect()
+    let listeners = config.listeners.iter();
+    let named = |it: &ListenerSettings| (it.listen.to_string(), served(config, it));
+    listeners.map(named).collect()
 }
 
 fn masters(config: &Config) -> Named<(SerialMasterSettings, Served<'_>)> {
     let named = |master: &SerialMasterSettings| {
+        let mut master = master.clone();
         let (serving, names) = served(config, &master.serving);
-        (
-            master.name.to_string(),
-            (
-                SerialMasterSettings {
-                    serving,
-                    ..master.clone()
-                },
-                names,
-            ),
-        )
+        master.serving = serving;
+        (master.name.to_string(), (master, names))
     };
     config.serial_masters.iter().map(named).collect()
 }
@@ -310,8 +267,8 @@ fn compare<T: PartialEq>(
 fn one<T: PartialEq>(
     notes: &mut Vec<ChangeNote>,
     part: ConfigPart,
-    old: Option<&T>,
-    new: Option<&T>,
+    old: &Option<T>,
+    new: &Option<T>,
 ) {
     let how = match (old, new) {
         (None, Some(_)) => PartChange::Added,
@@ -319,9 +276,5 @@ fn one<T: PartialEq>(
         (old, new) if old != new => PartChange::Changed,
         _ => return,
     };
-    notes.push(ChangeNote {
-        part,
-        name: None,
-        how,
-    });
+    notes.push(ChangeNote::of_one(part, how));
 }

@@ -24,34 +24,26 @@ pub(super) fn are_distinct(file: &ConfigFile, mqtt: &MqttFile, problems: &mut Ve
     let Some((_, whose)) = others.chain(alone).find(|(id, _)| *id == own) else {
         return;
     };
-    let problem = match (sparkplug.client_id.valid(), whose) {
+    match (sparkplug.client_id.valid(), whose) {
         (Some(written), None) => {
             let what = format!("the same as `client_id` in `[mqtt]`: {ENDED}");
-            written
-                .location
-                .problem(what)
-                .right("another one, or leave it out")
+            written.refuse(what, "another one, or leave it out", problems);
         }
         (Some(written), Some((half, _))) => {
             let what = format!(
                 "the gateway `{half}` has this one for `[mqtt]`, with its `half` behind it: {ENDED}"
             );
-            written
-                .location
-                .problem(what)
-                .right("another one, or leave it out")
+            written.refuse(what, "another one, or leave it out", problems);
         }
         (None, Some((_, location))) => {
             let what =
                 format!("`{own}` would be the identifier for `[mqtt]` and for Sparkplug: {ENDED}");
-            location
-                .problem(what)
-                .right("another name, or `client_id` in `[mqtt.sparkplug]`")
+            let right = "another name, or `client_id` in `[mqtt.sparkplug]`";
+            location.refuse(what, right, problems);
         }
         // What is left out has an end that the other one has not.
-        (None, None) => return,
-    };
-    problems.push(problem);
+        (None, None) => {}
+    }
 }
 
 /// The identifiers for `[mqtt]`, without a half, and for Sparkplug; `None` if a key is invalid.

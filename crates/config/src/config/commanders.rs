@@ -12,8 +12,8 @@ use crate::guard::COMMAND_DEADLINE;
 use crate::north::broker::unnoticed;
 use crate::north::mqtt::LeaseMode;
 use crate::north::operator::moments;
+use crate::toml_file::OptionalKey;
 use crate::toml_file::values::duration_text;
-use crate::toml_file::{LocatedValue, OptionalKey};
 use std::collections::BTreeSet;
 
 /// Compares every control section with `[mqtt]` and the listeners. `served` holds, per listener of `file`, the
@@ -25,14 +25,16 @@ pub(super) fn check(
     problems: &mut Vec<Problem>,
 ) {
     let at = |line: usize, drive: usize| units.get(line)?.get(drive).copied();
+    let mqtt = file.mqtt.valid().map(|mqtt| &mqtt.value);
     for (index, line) in file.lines.iter().enumerate() {
         for (location, drive) in line.drives.iter().enumerate() {
             let Some(control) = drive.control.valid() else {
                 continue;
             };
-            mqtt_reaches(&control.value, &file.mqtt, problems);
-            sparkplug_reaches(&control.value, &file.mqtt, problems);
-            page_reaches(&control.value, &file.http, problems);
+            let control = &control.value;
+            mqtt_reaches(control, &file.mqtt, problems);
+            sparkplug_reaches(control, &file.mqtt, problems);
+            page_reaches(control, &file.http, problems);
             // A listener that serves nothing has an invalid list, which is reported separately.
             let servers = file.units_servers();
             let mut serving = servers.into_iter().zip(served).filter(|(listener, lines)| {
@@ -40,18 +42,10 @@ pub(super) fn check(
                     && answers(listener, at(index, location))
             });
             let is_reached = serving.any(|(listener, _)| may_be_written(listener));
-            modbus_reaches(&control.value, line, is_reached, problems);
-            tells_old_from_new(
-                &control.value,
-                file.mqtt.valid().map(|mqtt| &mqtt.value),
-                problems,
-            );
-            tells_old_from_new_on_the_page(&control.value, problems);
-            outlasts(
-                &control.value,
-                file.mqtt.valid().map(|mqtt| &mqtt.value),
-                problems,
-            );
+            modbus_reaches(control, line, is_reached, problems);
+            tells_old_from_new(control, mqtt, problems);
+            tells_old_from_new_on_the_page(control, problems);
+            outlasts(control, mqtt, problems);
         }
     }
     for (listener, lines) in file.units_servers().into_iter().zip(served) {
@@ -88,9 +82,9 @@ fn answers(listener: &ListenerFile, units: Option<DriveUnits>) -> bool {
 
 fn mqtt_reaches(control: &ControlFile, mqtt: &OptionalKey<MqttFile>, problems: &mut Vec<Problem>) {
     if let (Some(location), OptionalKey::Absent) = (control.names(CommandInterface::Mqtt), mqtt) {
-        let problem =
-            location.problem("commands from \"mqtt\" are impossible: there is no `[mqtt]`");
-        problems.push(problem.right("`[mqtt]` with `broker`, or leave it out"));
+        let what = "commands from \"mqtt\" are impossible: there is no `[mqtt]`";
+        let right = "`[mqtt]` with `broker`, or leave it out";
+        location.refuse(what, right, problems);
     }
 }
 
@@ -103,29 +97,24 @@ fn sparkplug_reaches(
     let Some(location) = control.names(CommandInterface::Sparkplug) else {
         return;
     };
-    let (mqtt, sparkplug) = match mqtt {
-        OptionalKey::Invalid => return,
-        OptionalKey::Absent => (None, None),
-        OptionalKey::Valid(mqtt) => match &mqtt.value.sparkplug {
-            OptionalKey::Invalid => return,
-            OptionalKey::Absent => (Some(&mqtt.value), None),
-            OptionalKey::Valid(sparkplug) => (Some(&mqtt.value), Some(&sparkplug.value)),
-        },
-    };
-    let (Some(mqtt), Some(sparkplug)) = (mqtt, sparkplug) else {
-        let problem = location
-            .problem("commands from \"sparkplug\" are impossible: there is no `[mqtt.sparkplug]`");
-        problems.push(
-            problem.right("`[mqtt.sparkplug]` with `group` and `primary_host`, or leave it out"),
-        );
+    let Some(found) = mqtt.settle(|mqtt| {
+        mqtt.sparkplug
+            .settle(|it| Some((mqtt.lease(), it.primary_host.is_absent())))
+    }) else {
         return;
     };
-    let lease = mqtt.lease().and_then(|default| control.lease.or(default));
-    if lease == Some(LeaseMode::Session) && matches!(sparkplug.primary_host, OptionalKey::Absent) {
+    let Some((default, is_without_host)) = found.flatten() else {
+        let what = "commands from \"sparkplug\" are impossible: there is no `[mqtt.sparkplug]`";
+        let right = "`[mqtt.sparkplug]` with `group` and `primary_host`, or leave it out";
+        location.refuse(what, right, problems);
+        return;
+    };
+    let lease = default.and_then(|default| control.lease.or(default));
+    if lease == Some(LeaseMode::Session) && is_without_host {
         let what =
             "a session lease of a Sparkplug host lasts while it is online, and no host is named";
         let right = "`primary_host` in `[mqtt.sparkplug]`, or lease = \"explicit\"";
-        problems.push(location.problem(what).right(right));
+        location.refuse(what, right, problems);
     }
 }
 
@@ -139,11 +128,9 @@ fn page_reaches(control: &ControlFile, http: &OptionalKey<HttpFile>, problems: &
         OptionalKey::Valid(http) => !http.value.users.is_empty(),
     };
     if !signs_in {
-        let problem =
-            location.problem("commands from \"page\" are impossible: no user can sign in there");
-        problems.push(
-            problem.right("`[[http.users]]` with `name` and `password_hash_file`, or leave it out"),
-        );
+        let what = "commands from \"page\" are impossible: no user can sign in there";
+        let right = "`[[http.users]]` with `name` and `password_hash_file`, or leave it out";
+        location.refuse(what, right, problems);
     }
 }
 
@@ -153,34 +140,24 @@ fn modbus_reaches(
     is_reached: bool,
     problems: &mut Vec<Problem>,
 ) {
-    let Some(location) = control.names(CommandInterface::ModbusTcp) else {
-        return;
-    };
-    if !is_reached {
+    if let Some(location) = control.names(CommandInterface::ModbusTcp)
+        && !is_reached
+    {
         let what = format!(
             "commands from \"modbus-tcp\" are impossible: no listener of {} allows any client to write",
             line.label()
         );
-        problems.push(
-            location
-                .problem(what)
-                .right("`write = [\"10.0.0.10/32\"]` in a `[[modbus_tcp]]`, or leave it out"),
-        );
+        let right = "`write = [\"10.0.0.10/32\"]` in a `[[modbus_tcp]]`, or leave it out";
+        location.refuse(what, right, problems);
     }
 }
 
 /// A plain message that was delayed unnoticed must not be mistaken for one sent after a stop. With
 /// `commands = "strict"` no plain message is accepted at all.
 fn tells_old_from_new(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<Problem>) {
-    let by_broker = control
-        .names(CommandInterface::Mqtt)
-        .or(control.names(CommandInterface::Sparkplug));
-    let (Some(mqtt), Some(_)) = (mqtt, by_broker) else {
+    let (Some(mqtt), Some(_), Some(false)) = (mqtt, control.by_broker(), control.strict()) else {
         return;
     };
-    if control.strict() != Some(false) {
-        return;
-    }
     let (Some(delay), Some(interval)) = (control.restart_delay.valid(), mqtt.probe_interval())
     else {
         return;
@@ -196,7 +173,7 @@ fn tells_old_from_new(control: &ControlFile, mqtt: Option<&MqttFile>, problems: 
             duration_text(unnoticed(interval)),
         );
         let right = format!("at least \"{}\", or leave it out", duration_text(least));
-        problems.push(delay.location.problem(what).right(right));
+        delay.refuse(what, right, problems);
     }
 }
 
@@ -218,63 +195,48 @@ fn tells_old_from_new_on_the_page(control: &ControlFile, problems: &mut Vec<Prob
             duration_text(moments::AGE_MAX),
         );
         let right = format!("at least \"{}\", or leave it out", duration_text(least));
-        problems.push(delay.location.problem(what).right(right));
+        delay.refuse(what, right, problems);
     }
 }
 
 /// A lease lasts longer than a command may wait; a session lease also lasts longer than the tolerated missing probes.
 fn outlasts(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<Problem>) {
-    let Some(LocatedValue {
-        value: lost_after,
-        location,
-    }) = &control.lost_after
-    else {
+    let Some(lost_after) = &control.lost_after else {
         return;
     };
-    if *lost_after <= COMMAND_DEADLINE {
-        let what = format!(
-            "a lease of {} is not longer than the deadline of a command, {}",
-            duration_text(*lost_after),
-            duration_text(COMMAND_DEADLINE)
-        );
-        problems.push(location.problem(what).right("a longer time, as \"5s\""));
+    let time = lost_after.value;
+    let lease = duration_text(time);
+    if time <= COMMAND_DEADLINE {
+        let deadline = duration_text(COMMAND_DEADLINE);
+        let what =
+            format!("a lease of {lease} is not longer than the deadline of a command, {deadline}");
+        lost_after.refuse(what, "a longer time, as \"5s\"", problems);
     }
-    let by_broker = control
-        .names(CommandInterface::Mqtt)
-        .or(control.names(CommandInterface::Sparkplug));
-    let (Some(mqtt), Some(_)) = (mqtt, by_broker) else {
+    let (Some(mqtt), Some(_)) = (mqtt, control.by_broker()) else {
         return;
     };
-    let ttl = mqtt
-        .command_ttl()
-        .filter(|ttl| *ttl > COMMAND_DEADLINE && *lost_after <= *ttl);
-    if let Some(ttl) = ttl {
-        let lease = duration_text(*lost_after);
+    if let Some(ttl) = mqtt.command_ttl()
+        && ttl > COMMAND_DEADLINE
+        && time <= ttl
+    {
         let ttl = duration_text(ttl);
-        let problem = location.problem(format!(
-            "a lease of {lease} is not longer than `command_ttl`, {ttl}"
-        ));
-        problems.push(problem.right(format!("more than \"{ttl}\", or a shorter `command_ttl`")));
+        let what = format!("a lease of {lease} is not longer than `command_ttl`, {ttl}");
+        let right = format!("more than \"{ttl}\", or a shorter `command_ttl`");
+        lost_after.refuse(what, right, problems);
     }
     if mqtt.lease().and_then(|default| control.lease.or(default)) != Some(LeaseMode::Session) {
         return;
     }
-    let Some(least) = mqtt
-        .probe_interval()
-        .map(|probe| probe * MqttSettings::PROBES)
-    else {
-        return;
-    };
-    if *lost_after < least {
-        let lease = duration_text(*lost_after);
+    let probes = MqttSettings::PROBES;
+    if let Some(least) = mqtt.probe_interval().map(|probe| probe * probes)
+        && time < least
+    {
         let least = duration_text(least);
         let what = format!(
-            "a session lease of {lease} is shorter than {} probes of the way through the broker, {least}",
-            MqttSettings::PROBES
+            "a session lease of {lease} is shorter than {probes} probes of the way through the broker, {least}"
         );
-        problems.push(location.problem(what).right(format!(
-            "at least \"{least}\", or a shorter `probe_interval`"
-        )));
+        let right = format!("at least \"{least}\", or a shorter `probe_interval`");
+        lost_after.refuse(what, right, problems);
     }
 }
 
@@ -296,37 +258,32 @@ fn rights_matter(listener: &ListenerFile, drives: &[&DriveFile], problems: &mut 
         "`from = [\"modbus-tcp\"]` in the `[line.drive.control]` of a drive, or leave it out";
     let commands = any(&takes_from_here);
     let stops = any(&|_| true);
-    let no_commands = "no drive that is served here takes commands from \"modbus-tcp\"";
-    let no_stops = "no drive that is served here has a control section";
+    let of = |granted: RoleRight| match granted {
+        RoleRight::Write => (
+            commands,
+            "has no effect: no drive that is served here takes commands from \"modbus-tcp\"",
+        ),
+        RoleRight::Stop => (
+            stops,
+            "has no effect: no drive that is served here has a control section",
+        ),
+    };
     for role_right in listener_tls::rights(listener) {
-        let (matters, what) = match role_right.value {
-            RoleRight::Write => (commands, no_commands),
-            RoleRight::Stop => (stops, no_stops),
-        };
+        let (matters, what) = of(role_right.value);
         if !matters {
-            problems.push(
-                role_right
-                    .location
-                    .problem(format!("has no effect: {what}"))
-                    .right(right)
-                    .warning(),
-            );
+            role_right.warn(what, right, problems);
         }
     }
-    for (list, matters, what) in [
-        (&listener.write, commands, no_commands),
-        (&listener.stop, stops, no_stops),
+    for (list, granted) in [
+        (&listener.write, RoleRight::Write),
+        (&listener.stop, RoleRight::Stop),
     ] {
-        if let Some(list) = list
-            .valid()
-            .filter(|list| !matters && !list.value.is_empty())
+        let (matters, what) = of(granted);
+        if let Some(list) = list.valid()
+            && !matters
+            && !list.value.is_empty()
         {
-            problems.push(
-                list.location
-                    .problem(format!("has no effect: {what}"))
-                    .right(right)
-                    .warning(),
-            );
+            list.warn(what, right, problems);
         }
     }
 }

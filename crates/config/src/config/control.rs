@@ -1,9 +1,8 @@
 //! Checks a drive's control section against the abilities of its model and their confidence.
 
 use super::acceptance::DriveAcceptance;
-use super::file::{ControlFile, DriveFile, LimitsFile, LineFile};
+use super::file::{ControlFile, DriveFile, LimitsFile, LineFile, MqttDefaults};
 use super::lists;
-use super::mqtt::DriveDefaults;
 use super::native;
 use super::qualified::QualifiedStanding;
 use super::standby;
@@ -31,11 +30,11 @@ const SLOWEST_POLL: Duration = Duration::from_secs(5);
 pub(super) fn settle(
     (line, drive): (&LineFile, &DriveFile),
     model: Option<&Model>,
-    defaults: DriveDefaults,
+    defaults: MqttDefaults,
     standing: &QualifiedStanding,
     problems: &mut Vec<Problem>,
 ) -> Option<Option<Arc<ControlSettings>>> {
-    let native_write = native::settle(drive, model, problems);
+    let native = native::settle(drive, model, problems);
     let LocatedValue {
         value: file,
         location,
@@ -60,51 +59,28 @@ pub(super) fn settle(
         accepted.check(location, model, problems);
         watchdog::check(file, model, problems);
     }
-    let (least, most) = limits?;
-    let (accept_unverified, site) = accepted.settled(model);
-    Some(Some(Arc::new(ControlSettings {
-        from_mqtt: file.names(CommandInterface::Mqtt).is_some(),
-        from_modbus_tcp: file.names(CommandInterface::ModbusTcp).is_some(),
-        from_page: file.names(CommandInterface::Page).is_some(),
-        from_sparkplug: file.names(CommandInterface::Sparkplug).is_some(),
-        bus: file.bus()?,
-        least,
-        most,
-        directions: directions?,
-        reverse_below: file.reverse_below()?,
-        on_commander_lost: file.on_commander_lost.as_ref()?.value,
-        lost_after: file.lost_after.as_ref()?.value,
-        on_shutdown: file.on_shutdown.as_ref()?.value,
-        on_output_outside: file.on_output_outside()?,
-        accept_unverified,
-        site,
-        qualify: file.qualify()?,
-        allow_release: file.allow_release()?,
-        strict: file.strict()?,
-        restart_delay: file.restart_delay.or(defaults.restart_delay)?,
-        stop_effect_timeout: file.stop_effect_timeout()?,
-        stop_pending_for: file.stop_pending_for()?,
-        native_write: native_write?,
-        stored_write_interval: native::stored_write_interval(drive)?,
-        stores_native_writes: native::stores(drive)?,
-        ownership: file.ownership()?,
-        allow_take: file.allow_take()?,
-        lease: file.lease.or(defaults.lease)?,
-        min_start_interval: file.min_start_interval()?,
-        require_watchdog: file.require_watchdog()?,
-        watchdog: file.watchdog.clone().optional()?,
-        on_gateway_lost: on_gateway_lost?,
-        failsafe_confirm_timeout: file.failsafe_confirm_timeout()?,
-    })))
+    let settings = file.settings(
+        limits?,
+        directions?,
+        on_gateway_lost?,
+        accepted.settled(model),
+        native?,
+        defaults,
+    )?;
+    Some(Some(Arc::new(settings)))
 }
 
 /// A drive that may be moved is polled often enough: old readings cannot show whether it is at standstill.
 fn is_looked_at(drive: &DriveFile, problems: &mut Vec<Problem>) {
-    if let Some(poll) = drive.poll.valid().filter(|poll| poll.value > SLOWEST_POLL) {
-        let problem = poll
-            .location
-            .problem("too slow for a drive with a control section");
-        problems.push(problem.right(format!("at most \"{}\"", duration_text(SLOWEST_POLL))));
+    if let Some(poll) = drive.poll.valid()
+        && poll.value > SLOWEST_POLL
+    {
+        let right = format!("at most \"{}\"", duration_text(SLOWEST_POLL));
+        poll.refuse(
+            "too slow for a drive with a control section",
+            right,
+            problems,
+        );
     }
 }
 
@@ -112,32 +88,24 @@ fn is_looked_at(drive: &DriveFile, problems: &mut Vec<Problem>) {
 fn ways(file: &ControlFile, problems: &mut Vec<Problem>) {
     let Some(from) = &file.from else { return };
     if from.value.is_empty() {
-        let problem = from.location.problem("an empty list allows no commands");
-        problems.push(
-            problem
-                .right("\"mqtt\", \"modbus-tcp\", \"page\", \"sparkplug\" or several of them, or no control section"),
-        );
+        let right = "\"mqtt\", \"modbus-tcp\", \"page\", \"sparkplug\" or several of them, or no control section";
+        from.refuse("an empty list allows no commands", right, problems);
     }
     lists::once(&from.value, problems);
-    let strict = file.strict.valid().map(|strict| &strict.location);
-    let delay = file.restart_delay.valid().map(|delay| &delay.location);
-    let lease = file.lease.valid().map(|lease| &lease.location);
-    let by_broker = file
-        .names(CommandInterface::Mqtt)
-        .or(file.names(CommandInterface::Sparkplug));
-    if !from.value.is_empty() && by_broker.is_none() {
-        for location in [strict, lease].into_iter().flatten() {
-            let problem = location.problem(
-                "concerns commands over MQTT and Sparkplug only, and `from` names neither \"mqtt\" nor \"sparkplug\"",
-            );
-            problems.push(problem.right("leave it out").warning());
-        }
-        if let Some(location) = delay
-            && file.names(CommandInterface::Page).is_none()
-        {
-            let what = "concerns commands over MQTT, Sparkplug and from the page only, and `from` names none of them";
-            problems.push(location.problem(what).right("leave it out").warning());
-        }
+    if from.value.is_empty() || file.by_broker().is_some() {
+        return;
+    }
+    let keys = [file.strict.location(), file.lease.location()];
+    for location in keys.into_iter().flatten() {
+        let what = "concerns commands over MQTT and Sparkplug only, and `from` names neither \"mqtt\" nor \"sparkplug\"";
+        location.warn(what, "leave it out", problems);
+    }
+    if let (Some(delay), None) = (
+        file.restart_delay.valid(),
+        file.names(CommandInterface::Page),
+    ) {
+        let what = "concerns commands over MQTT, Sparkplug and from the page only, and `from` names none of them";
+        delay.warn(what, "leave it out", problems);
     }
 }
 
@@ -151,77 +119,55 @@ fn wired(file: &ControlFile, problems: &mut Vec<Problem>) {
         .flatten()
     {
         if action.value != FailSafe::Hold {
-            let what = format!(
-                "the drive is started and stopped elsewhere (bus = \"{}\"), so this cannot be relied on",
-                bus.value.keyword()
-            );
             let right = "\"hold\", with the stop wired to the drive's terminals, or bus = \"both\"";
-            problems.push(action.location.problem(what).right(right));
+            action.refuse(standby::stopped_elsewhere(bus.value), right, problems);
         }
     }
     standby::wired(file, bus.value, problems);
-    if let Some(strict) = file.directions.valid() {
-        let problem = strict
-            .location
-            .problem("the direction is ordered elsewhere: `bus` takes the frequency alone");
-        problems.push(problem.right("leave it out").warning());
+    if let Some(directions) = file.directions.valid() {
+        let what = "the direction is ordered elsewhere: `bus` takes the frequency alone";
+        directions.warn(what, "leave it out", problems);
     }
 }
 
 /// A drive that turns by the sign of its setpoint runs in reverse only if the setpoint comes over the bus.
 fn sign_is_written(file: &ControlFile, model: &Model, problems: &mut Vec<Problem>) {
-    let (Some(bus), Some(list)) = (file.bus.valid(), file.directions.valid()) else {
+    let (Some(bus), Some(reverse)) = (file.bus.valid(), reverse(file)) else {
         return;
     };
-    let reverse = list
-        .value
-        .iter()
-        .find(|direction| direction.value == Direction::Reverse);
-    if let Some(reverse) = reverse
-        && model.turns_by_sign()
-        && !bus.value.has_frequency()
-    {
+    if model.turns_by_sign() && !bus.value.has_frequency() {
         let what = format!(
             "reverse is a setpoint below 0, and the setpoint does not come over the bus (bus = \"{}\")",
             bus.value.keyword()
         );
-        problems.push(
-            reverse
-                .location
-                .problem(what)
-                .right("\"forward\" alone, or bus = \"both\""),
-        );
+        reverse.refuse(what, "\"forward\" alone, or bus = \"both\"", problems);
     }
+}
+
+/// Where the section allows reverse.
+fn reverse(file: &ControlFile) -> Option<&LocatedValue<Direction>> {
+    let mut directions = file.directions.valid()?.value.iter();
+    directions.find(|direction| direction.value == Direction::Reverse)
 }
 
 /// The directions in which the drive may run; `None` if it is invalid, see `problems`.
 fn directions(file: &ControlFile, problems: &mut Vec<Problem>) -> Option<Vec<Direction>> {
-    let directions = match &file.directions {
-        OptionalKey::Absent => vec![Direction::Forward],
-        OptionalKey::Invalid => return None,
-        OptionalKey::Valid(list) => {
-            if list.value.is_empty() {
-                let problem = list
-                    .location
-                    .problem("an empty list lets the drive run in no direction");
-                problems.push(problem.right("\"forward\", \"reverse\" or both"));
-                return None;
-            }
-            lists::once(&list.value, problems);
-            list.value.iter().map(|direction| direction.value).collect()
+    if let Some(list) = file.directions.valid() {
+        if list.value.is_empty() {
+            let what = "an empty list lets the drive run in no direction";
+            list.refuse(what, "\"forward\", \"reverse\" or both", problems);
+            return None;
         }
-    };
+        lists::once(&list.value, problems);
+    }
+    let directions = lists::some_values(&file.directions)?;
+    let directions = directions.unwrap_or_else(|| vec![Direction::Forward]);
     if let Some(below) = file.reverse_below.valid()
         && !goes_both_ways(&directions)
     {
-        let problem = below
-            .location
-            .problem("there is nothing to reverse: `directions` allows one direction only");
-        problems.push(
-            problem
-                .right("leave it out, or directions = [\"forward\", \"reverse\"]")
-                .warning(),
-        );
+        let what = "there is nothing to reverse: `directions` allows one direction only";
+        let right = "leave it out, or directions = [\"forward\", \"reverse\"]";
+        below.warn(what, right, problems);
     }
     Some(directions)
 }
@@ -237,8 +183,9 @@ fn can_be_controlled(model: &Model, location: &KeyLocation, problems: &mut Vec<P
     let Some(why) = why_not(model) else {
         return true;
     };
-    let problem = location.problem(format!("{} cannot be controlled: {why}", model.id));
-    problems.push(problem.right("leave `control` out; the drive is then read-only"));
+    let what = format!("{} cannot be controlled: {why}", model.id);
+    let right = "leave `control` out; the drive is then read-only";
+    location.refuse(what, right, problems);
     false
 }
 
@@ -275,17 +222,14 @@ fn basics(
     problems: &mut Vec<Problem>,
 ) {
     let unproven = model.unproven_basics();
-    let (location, others) = match &file.accept_unverified {
-        OptionalKey::Invalid => return,
-        OptionalKey::Absent => (location.missing("accept_unverified"), Vec::new()),
-        OptionalKey::Valid(list) => (
-            list.location.clone(),
-            list.value.iter().map(|accepted| accepted.value).collect(),
-        ),
+    let Some(others) = lists::values(&file.accept_unverified) else {
+        return;
     };
     if unproven.is_empty() || accepted.accepts(ControlAction::Basic) {
         return;
     }
+    let missing = location.missing("accept_unverified");
+    let location = file.accept_unverified.location().unwrap_or(&missing);
     let what: Vec<_> = unproven.iter().map(BasicFact::described).collect();
     let what = format!(
         "{} takes no orders: no manual of it proves {}",
@@ -293,12 +237,10 @@ fn basics(
         what.join(", ")
     );
     let words = std::iter::once(ControlAction::Basic).chain(others);
-    let words: Vec<_> = words
-        .map(|action| format!("\"{}\"", action.keyword()))
-        .collect();
-    let line = format!("accept_unverified = [{}]", words.join(", "));
+    let words: Vec<_> = words.map(|it| format!("\"{}\"", it.keyword())).collect();
     let right = format!(
-        "{line} once you have seen a stop work, or no control section; the drive is then read-only"
+        "accept_unverified = [{}] once you have seen a stop work, or no control section; the drive is then read-only",
+        words.join(", ")
     );
     problems.push(accepted.judged(location.problem(what).right(right)));
 }
@@ -317,26 +259,18 @@ fn limits(
         can_be_set(max, register, problems);
     }
     if let Some(max) = max.as_ref().filter(|max| max.value == Hertz::ZERO) {
-        problems.push(
-            max.location
-                .problem("a drive with a maximum of 0 Hz never turns")
-                .right("more than 0"),
-        );
+        let what = "a drive with a maximum of 0 Hz never turns";
+        max.refuse(what, "more than 0", problems);
     }
-    let min = min.as_ref()?;
-    let max = max.as_ref()?;
-    if min.value > max.value {
+    let (least, most) = (min.as_ref()?, max.as_ref()?.value);
+    if least.value > most {
         let what = format!(
-            "the lowest frequency, {} Hz, is above the highest, {} Hz",
-            min.value, max.value
+            "the lowest frequency, {} Hz, is above the highest, {most} Hz",
+            least.value
         );
-        problems.push(
-            min.location
-                .problem(what)
-                .right(format!("at most {}", max.value)),
-        );
+        least.refuse(what, format!("at most {most}"), problems);
     }
-    Some((min.value, max.value))
+    Some((least.value, most))
 }
 
 /// A limit must be a possible setpoint: one between two steps could never be reached.
@@ -344,24 +278,24 @@ fn can_be_set(limit: &RequiredKey<Hertz>, register: &Register, problems: &mut Ve
     let Some(LocatedValue { value, location }) = limit else {
         return;
     };
-    if register.form.pair.is_some() {
-        if register.pair_of(*value).is_none() {
-            let problem = location.problem(format!(
-                "{value} Hz is between two steps of `{}`",
-                register.name
-            ));
-            problems.push(problem.right(format!("a multiple of 1/{} Hz", register.scale)));
+    let (what, right) = if register.form.pair.is_some() {
+        if register.pair_of(*value).is_some() {
+            return;
         }
-        return;
-    }
-    if let Err(wrong) = to_raw(value.as_f64(), register) {
-        let right = format!("a frequency that `{}` can represent", register.name);
-        problems.push(
-            location
-                .problem(format!("{value} Hz is {wrong}"))
-                .right(right),
-        );
-    }
+        (
+            format!("{value} Hz is between two steps of `{}`", register.name),
+            format!("a multiple of 1/{} Hz", register.scale),
+        )
+    } else {
+        let Err(wrong) = to_raw(value.as_f64(), register) else {
+            return;
+        };
+        (
+            format!("{value} Hz is {wrong}"),
+            format!("a frequency that `{}` can represent", register.name),
+        )
+    };
+    location.refuse(what, right, problems);
 }
 
 /// How a model supports an action.
@@ -407,13 +341,9 @@ fn actions(
         return;
     };
     lists::once(&listed.value, problems);
-    for LocatedValue {
-        value: action,
-        location,
-    } in &listed.value
-    {
-        if let Some(what) = why_nothing_to_accept(*action, file, directions, model) {
-            problems.push(location.problem(what).right("leave it out").warning());
+    for action in &listed.value {
+        if let Some(what) = why_nothing_to_accept(action.value, file, directions, model) {
+            action.warn(what, "leave it out", problems);
         }
     }
 }
@@ -425,50 +355,24 @@ fn named_actions(
     model: &Model,
     problems: &mut Vec<Problem>,
 ) {
-    let reverse = file
-        .directions
-        .valid()
-        .and_then(|list| list.value.iter().find(|it| it.value == Direction::Reverse));
-    if let Some(LocatedValue { location, .. }) = reverse {
-        can_do(
-            accepted,
-            ControlAction::Reverse,
-            model,
-            location,
-            "leave it out",
-            problems,
-        );
+    let mut needs = |action, location, instead| {
+        can_do(accepted, action, model, location, instead, problems);
+    };
+    if let Some(reverse) = reverse(file) {
+        needs(ControlAction::Reverse, &reverse.location, "leave it out");
     }
     for location in coasts(file) {
-        can_do(
-            accepted,
-            ControlAction::Coast,
-            model,
-            location,
-            "\"stop\" or \"hold\"",
-            problems,
-        );
+        needs(ControlAction::Coast, location, "\"stop\" or \"hold\"");
     }
-    if let Some(LocatedValue {
-        value: true,
-        location,
-    }) = file.allow_release.valid()
-    {
-        match has(model, ControlAction::Release) {
-            ActionSupport::No => problems.push(
-                none_of(model, ControlAction::Release, location)
-                    .right("leave it out")
-                    .warning(),
-            ),
-            _ => can_do(
-                accepted,
-                ControlAction::Release,
-                model,
-                location,
-                "leave it out",
-                problems,
-            ),
+    let Some(release) = file.allow_release.valid_as(&true) else {
+        return;
+    };
+    match has(model, ControlAction::Release) {
+        ActionSupport::No => {
+            let what = none_of(model, ControlAction::Release);
+            release.warn(what, "leave it out", problems);
         }
+        _ => needs(ControlAction::Release, &release.location, "leave it out"),
     }
 }
 
@@ -479,29 +383,21 @@ fn why_nothing_to_accept(
     directions: Option<&[Direction]>,
     model: &Model,
 ) -> Option<String> {
-    let word = action.keyword();
-    match has(model, action) {
-        ActionSupport::No => Some(format!(
-            "{} has no {word}, so there is nothing to accept",
-            model.id
-        )),
-        ActionSupport::Proven(it) => Some(format!(
-            "{word} is proven for {} ({}), so there is nothing to accept",
-            model.id,
-            it.keyword()
-        )),
-        ActionSupport::Unproven(_)
-            if action == ControlAction::Reverse && !may_reverse(directions) =>
-        {
-            Some(
-                "`directions` does not allow \"reverse\", so there is nothing to accept".to_owned(),
-            )
-        }
-        ActionSupport::Unproven(_) if action == ControlAction::Release && !may_release(file) => {
-            Some("`allow_release` is not true, so there is nothing to accept".to_owned())
-        }
-        ActionSupport::Unproven(_) => None,
-    }
+    let (word, id) = (action.keyword(), &model.id);
+    let why = match has(model, action) {
+        ActionSupport::No => format!("{id} has no {word}"),
+        ActionSupport::Proven(it) => format!("{word} is proven for {id} ({})", it.keyword()),
+        ActionSupport::Unproven(_) => match action {
+            ControlAction::Reverse if !may_reverse(directions) => {
+                "`directions` does not allow \"reverse\"".to_owned()
+            }
+            ControlAction::Release if file.allow_release() == Some(false) => {
+                "`allow_release` is not true".to_owned()
+            }
+            _ => return None,
+        },
+    };
+    Some(format!("{why}, so there is nothing to accept"))
 }
 
 /// Where the section says that the output is cut off.
@@ -509,26 +405,19 @@ fn coasts(file: &ControlFile) -> impl Iterator<Item = &KeyLocation> {
     let fail_safes = [&file.on_commander_lost, &file.on_shutdown]
         .into_iter()
         .flatten();
-    let coasts = fail_safes
-        .filter(|it| it.value == FailSafe::Coast)
-        .map(|it| &it.location);
-    let taken_over = file
-        .on_gateway_lost
-        .valid()
-        .filter(|it| it.value == OnGatewayLost::Coast);
-    coasts.chain(taken_over.map(|it| &it.location))
+    let coasts = fail_safes.filter(|it| it.value == FailSafe::Coast);
+    let taken_over = file.on_gateway_lost.valid_as(&OnGatewayLost::Coast);
+    coasts
+        .map(|it| &it.location)
+        .chain(taken_over.map(|it| &it.location))
 }
 
 fn may_reverse(directions: Option<&[Direction]>) -> bool {
     directions.is_none_or(|directions| directions.contains(&Direction::Reverse))
 }
 
-fn none_of(model: &Model, action: ControlAction, location: &KeyLocation) -> Problem {
-    location.problem(format!("{} has no {}", model.id, action.keyword()))
-}
-
-fn may_release(file: &ControlFile) -> bool {
-    file.allow_release().unwrap_or(true)
+fn none_of(model: &Model, action: ControlAction) -> String {
+    format!("{} has no {}", model.id, action.keyword())
 }
 
 /// Reports at `place` that `action` is missing, or unproven and not accepted. `instead` does not need the action. A
@@ -549,13 +438,10 @@ fn can_do(
         accepted.accepts(action)
     };
     match has(model, action) {
-        ActionSupport::No => problems.push(none_of(model, action, location).right(instead)),
+        ActionSupport::No => location.refuse(none_of(model, action), instead, problems),
         ActionSupport::Unproven(confidence) if !is_accepted => {
-            let what = format!(
-                "{word} is unproven for {} ({})",
-                model.id,
-                confidence.keyword()
-            );
+            let (id, confidence) = (&model.id, confidence.keyword());
+            let what = format!("{word} is unproven for {id} ({confidence})");
             let right = format!(
                 "{instead}, or accept_unverified = [\"{word}\"] once you have seen it work"
             );

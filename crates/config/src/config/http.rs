@@ -1,13 +1,14 @@
 //! The HTTP listener: allowed networks, host names, and users.
 
-use super::file::{ConfigFile, HttpFile, HttpUserFile};
+use super::file::{ConfigFile, ControlFile, HttpFile, HttpTlsFile, HttpUserFile, ListKey};
 use super::host::host_and_port;
 use super::listen::{guarded, is_loopback};
-pub use super::ready_http::{HashSource, HttpSettings, HttpTls, PageViewers, UserSettings};
+use super::lists;
+use super::ready::{HashSource, HttpSettings, PageViewers, UserSettings};
 use super::words::CommandInterface;
 use crate::domain::problem::Problem;
 use crate::north::operator::password::StoredHash;
-use crate::north::operator::rights::{UserRights, UserRole};
+use crate::north::operator::rights::UserRole;
 use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
 use std::collections::BTreeSet;
 
@@ -23,52 +24,33 @@ pub(super) fn settle(
     guarded(&http.listen, &http.allow, &http.location, problems);
     users_are_protected(http, problems);
     users_command(http, file, problems);
-    names_are_unique(&http.users, problems);
+    let names = http.users.iter().filter_map(|user| user.name.as_ref());
+    lists::names_differ(names, "user", problems);
     viewers_can_sign_in(http, problems);
     setup_has_users(http, problems);
     groups_exist(http, file, problems);
     let hosts = hosts(&http.hosts, problems);
-    let users: Vec<_> = http
-        .users
-        .iter()
-        .map(|user| ready_user(user, problems))
-        .collect();
-    let tls = match &http.tls {
-        OptionalKey::Absent => None,
-        OptionalKey::Invalid => return None,
-        OptionalKey::Valid(tls) => Some(HttpTls {
-            cert_file: tls.value.cert_file.as_ref()?.value.clone(),
-            key_file: tls.value.key_file.as_ref()?.value.clone(),
-        }),
-    };
-    Some(HttpSettings {
-        listen: http.listen.as_ref()?.value,
-        allow: http.allow.clone().optional()?,
-        hosts: hosts?,
-        view: http.view()?,
-        setup: http.setup()?,
-        users: users.into_iter().collect::<Option<_>>()?,
-        tls,
-    })
+    let mut users = Vec::new();
+    for user in &http.users {
+        users.push(ready_user(user, problems));
+    }
+    let tls = http.tls.settle(HttpTlsFile::settings)?;
+    http.settings(hosts?, users.into_iter().collect::<Option<_>>()?, tls)
 }
 
 /// A password is never sent unencrypted over the network.
 fn users_are_protected(http: &HttpFile, problems: &mut Vec<Problem>) {
-    let elsewhere = http
-        .listen
-        .as_ref()
-        .filter(|listen| !is_loopback(listen.value.ip()));
-    let (Some(listen), false, OptionalKey::Absent) = (elsewhere, http.users.is_empty(), &http.tls)
-    else {
+    let Some(listen) = &http.listen else { return };
+    if is_loopback(listen.value.ip()) || http.users.is_empty() || !http.tls.is_absent() {
         return;
-    };
+    }
     let what = format!(
         "{} can be reached from other hosts, and passwords would be sent unencrypted",
         listen.value
     );
     let right =
         "`[http.tls]` with `cert_file` and `key_file`, or a loopback address, or no `users`";
-    problems.push(http.location.missing("tls").problem(what).right(right));
+    http.location.missing("tls").refuse(what, right, problems);
 }
 
 /// Users require a drive that they may command.
@@ -76,7 +58,7 @@ fn users_command(http: &HttpFile, file: &ConfigFile, problems: &mut Vec<Problem>
     let Some(user) = http.users.first() else {
         return;
     };
-    let takes = |control: &OptionalKey<super::file::ControlFile>| match control {
+    let takes = |control: &OptionalKey<ControlFile>| match control {
         OptionalKey::Absent => false,
         OptionalKey::Invalid => true,
         OptionalKey::Valid(control) => {
@@ -84,70 +66,44 @@ fn users_command(http: &HttpFile, file: &ConfigFile, problems: &mut Vec<Problem>
         }
     };
     // Where one has to sign in to look or sets up in the page, a user has an effect without any control.
-    let is_private =
-        matches!(&http.view, OptionalKey::Valid(view) if view.value == PageViewers::SignedIn);
-    if !is_private
-        && !http.sets_up()
-        && !file
-            .lines
-            .iter()
-            .flat_map(|line| &line.drives)
-            .any(|drive| takes(&drive.control))
-    {
-        let problem = user
-            .location
-            .problem("has no effect: no drive takes commands from \"page\"");
+    let is_private = http.view.valid_as(&PageViewers::SignedIn).is_some();
+    if !is_private && !http.sets_up() && !file.drives().any(|drive| takes(&drive.control)) {
+        let what = "has no effect: no drive takes commands from \"page\"";
         let right = "`from = [\"page\"]` in the `[line.drive.control]` of a drive, or no `users`";
-        problems.push(problem.right(right).warning());
+        user.location.warn(what, right, problems);
     }
     if let Some(user) = http.users.get(USERS_MAX) {
-        problems.push(
-            user.location
-                .problem("there are too many users")
-                .right(format!("at most {USERS_MAX}")),
-        );
+        let right = format!("at most {USERS_MAX}");
+        user.location
+            .refuse("there are too many users", right, problems);
     }
 }
 
 /// Where viewing requires a sign-in, there must be a user.
 fn viewers_can_sign_in(http: &HttpFile, problems: &mut Vec<Problem>) {
-    let OptionalKey::Valid(view) = &http.view else {
-        return;
-    };
-    if view.value == PageViewers::SignedIn && http.users.is_empty() {
-        let problem = view
-            .location
-            .problem("no one can sign in: there are no `users`");
-        problems.push(problem.right(
-            "a `[[http.users]]`, with `role = \"view\"` for one who only looks, or \"anyone\"",
-        ));
+    if let Some(view) = http.view.valid_as(&PageViewers::SignedIn)
+        && http.users.is_empty()
+    {
+        let right =
+            "a `[[http.users]]`, with `role = \"view\"` for one who only looks, or \"anyone\"";
+        view.refuse("no one can sign in: there are no `users`", right, problems);
     }
 }
 
 /// Set-up in the page and the role for it belong together.
 fn setup_has_users(http: &HttpFile, problems: &mut Vec<Problem>) {
-    let setup = http.setup.valid().filter(|written| written.value);
-    let user = http.users.iter().find_map(|user| {
-        user.role
-            .valid()
-            .filter(|role| role.value == UserRole::Setup)
-    });
-    match (setup, user) {
+    let setup = http.setup.valid_as(&true);
+    let mut users = http.users.iter();
+    let role = users.find_map(|user| user.role.valid_as(&UserRole::Setup));
+    match (setup, role) {
         (Some(setup), None) => {
-            let problem = setup
-                .location
-                .problem("no user may set up: none has the role `setup`");
-            problems.push(problem.right("`role = \"setup\"` in a `[[http.users]]`, or no `setup`"));
+            let what = "no user may set up: none has the role `setup`";
+            let right = "`role = \"setup\"` in a `[[http.users]]`, or no `setup`";
+            setup.refuse(what, right, problems);
         }
         (None, Some(role)) => {
-            let problem = role
-                .location
-                .problem("is no more than \"maintain\": set-up in the page is off");
-            problems.push(
-                problem
-                    .right("`setup = true` in [http], or \"maintain\"")
-                    .warning(),
-            );
+            let what = "is no more than \"maintain\": set-up in the page is off";
+            role.warn(what, "`setup = true` in [http], or \"maintain\"", problems);
         }
         _ => (),
     }
@@ -155,142 +111,75 @@ fn setup_has_users(http: &HttpFile, problems: &mut Vec<Problem>) {
 
 /// A group without a drive is a misspelt one.
 fn groups_exist(http: &HttpFile, file: &ConfigFile, problems: &mut Vec<Problem>) {
-    let drives = || file.lines.iter().flat_map(|line| &line.drives);
-    let known: BTreeSet<_> = drives()
-        .filter_map(|drive| drive.group.clone().optional().flatten())
-        .collect();
-    for user in &http.users {
-        let OptionalKey::Valid(groups) = &user.groups else {
+    let groups = file.drives().filter_map(|drive| drive.group.valid());
+    let known: BTreeSet<_> = groups.map(|group| &group.value).collect();
+    let listed = http.users.iter().filter_map(|user| user.groups.valid());
+    for group in listed.flat_map(|groups| &groups.value) {
+        if known.contains(&group.value) {
             continue;
+        }
+        let list: Vec<_> = known.iter().map(|name| format!("\"{name}\"")).collect();
+        let right = match list.is_empty() {
+            true => "`group` in a `[[line.drive]]`".to_owned(),
+            false => list.join(", "),
         };
-        for group in groups
-            .value
-            .iter()
-            .filter(|group| !known.contains(&group.value))
-        {
-            let problem = group
-                .location
-                .problem(format!("no drive is in the group `{}`", group.value));
-            let list: Vec<_> = known.iter().map(|name| format!("\"{name}\"")).collect();
-            let right = if list.is_empty() {
-                "`group` in a `[[line.drive]]`".to_owned()
-            } else {
-                list.join(", ")
-            };
-            problems.push(problem.right(right));
-        }
-    }
-}
-
-fn names_are_unique(users: &[HttpUserFile], problems: &mut Vec<Problem>) {
-    let names: Vec<_> = users.iter().filter_map(|user| user.name.as_ref()).collect();
-    for (index, name) in names.iter().enumerate() {
-        if let Some(first) = names
-            .iter()
-            .take(index)
-            .find(|earlier| earlier.value == name.value)
-        {
-            let what = format!(
-                "the name `{}` is taken by {}",
-                name.value, first.location.key
-            );
-            problems.push(
-                name.location
-                    .problem(what)
-                    .right("a name that no other user uses"),
-            );
-        }
+        let what = format!("no drive is in the group `{}`", group.value);
+        group.refuse(what, right, problems);
     }
 }
 
 /// The names in lower case, for comparison.
-fn hosts(
-    given: &OptionalKey<Vec<LocatedValue<String>>>,
-    problems: &mut Vec<Problem>,
-) -> Option<Vec<String>> {
-    let list = match given {
-        OptionalKey::Absent => return Some(Vec::new()),
-        OptionalKey::Invalid => return None,
-        OptionalKey::Valid(list) => &list.value,
-    };
-    let host = |written: &LocatedValue<String>| match host_and_port(&written.value) {
-        Some((host, None)) => Some(host.to_ascii_lowercase()),
-        _ => {
-            let problem = written
-                .location
-                .problem(format!("`{}` is not a host name", written.value));
-            problems.push(problem.right("a name without a port, as \"gateway.plant.example\""));
-            None
+fn hosts(given: &ListKey<String>, problems: &mut Vec<Problem>) -> Option<Vec<String>> {
+    let host = |written: &LocatedValue<String>| {
+        if let Some((host, None)) = host_and_port(&written.value) {
+            return Some(host.to_ascii_lowercase());
         }
+        let what = format!("`{}` is not a host name", written.value);
+        let right = "a name without a port, as \"gateway.plant.example\"";
+        written.refuse(what, right, problems);
+        None
     };
-    list.iter()
-        .map(host)
-        .collect::<Vec<_>>()
-        .into_iter()
-        .collect()
+    let hosts = given.settle(|list| {
+        let hosts: Vec<_> = list.iter().map(host).collect();
+        hosts.into_iter().collect()
+    })?;
+    Some(hosts.unwrap_or_default())
 }
 
 fn ready_user(user: &HttpUserFile, problems: &mut Vec<Problem>) -> Option<UserSettings> {
     let hash = match (&user.password_hash, &user.password_hash_file) {
         (OptionalKey::Valid(text), OptionalKey::Absent) => {
-            read_hash(text, problems).map(HashSource::Text)
+            HashSource::Text(read_hash(text, problems)?)
         }
-        (OptionalKey::Absent, OptionalKey::Valid(file)) => {
-            Some(HashSource::File(file.value.clone()))
-        }
+        (OptionalKey::Absent, OptionalKey::Valid(file)) => HashSource::File(file.value.clone()),
         (OptionalKey::Absent, OptionalKey::Absent) => {
-            one_is_needed(
-                &user.location.missing("password_hash_file"),
-                "the user has no password",
-                problems,
-            );
-            None
+            let location = user.location.missing("password_hash_file");
+            one_is_needed(&location, "the user has no password", problems);
+            return None;
         }
         (OptionalKey::Valid(_), OptionalKey::Valid(file)) => {
-            one_is_needed(
-                &file.location,
-                "the user has a `password_hash` already",
-                problems,
-            );
-            None
+            let what = "the user has a `password_hash` already";
+            one_is_needed(&file.location, what, problems);
+            return None;
         }
-        _ => None,
+        _ => return None,
     };
-    let groups = match &user.groups {
-        OptionalKey::Absent => None,
-        OptionalKey::Invalid => return None,
-        OptionalKey::Valid(groups) => Some(
-            groups
-                .value
-                .iter()
-                .map(|group| group.value.clone())
-                .collect(),
-        ),
-    };
-    let rights = UserRights {
-        role: user.role()?,
-        groups,
-    };
-    Some(UserSettings {
-        name: user.name.as_ref()?.value,
-        hash: hash?,
-        rights,
-    })
+    user.settings(hash)
 }
 
 fn one_is_needed(location: &KeyLocation, what: &str, problems: &mut Vec<Problem>) {
     let right = "`password_hash_file` with the file that holds what `vfd-gateway password` prints, or `password_hash` with that itself";
-    problems.push(location.problem(what).right(right));
+    location.refuse(what, right, problems);
 }
 
 fn read_hash(text: &LocatedValue<String>, problems: &mut Vec<Problem>) -> Option<StoredHash> {
-    // An invalid hash may be a password, which must not appear in messages.
-    let unfit = |why| {
-        text.location
-            .problem(format!("the text {why}"))
-            .right("what `vfd-gateway password` prints")
-    };
-    StoredHash::parse(&text.value)
-        .map_err(|why| problems.push(unfit(why)))
-        .ok()
+    match StoredHash::parse(&text.value) {
+        Ok(hash) => Some(hash),
+        // An invalid hash may be a password, which must not appear in messages.
+        Err(why) => {
+            let right = "what `vfd-gateway password` prints";
+            text.refuse(format!("the text {why}"), right, problems);
+            None
+        }
+    }
 }

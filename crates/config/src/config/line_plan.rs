@@ -73,13 +73,9 @@ pub fn refresh(line: &LineSettings) -> RefreshCost {
 /// The bounds of a stop on `line` without the drive at `place`: what moving it to another line would leave.
 #[must_use]
 pub fn stop_bounds_without(line: &LineSettings, place: usize) -> StopBounds {
-    let others = line
-        .drives
-        .iter()
-        .enumerate()
-        .filter(|(at, _)| *at != place)
-        .map(|(_, drive)| station(drive));
-    budget::stop_bounds(&timing(line).0, others)
+    let drives = line.drives.iter().enumerate();
+    let others = drives.filter(|(at, _)| *at != place);
+    budget::stop_bounds(&timing(line).0, others.map(|(_, drive)| station(drive)))
 }
 
 /// Maximum waiting time of a stop for one drive of `line`.
@@ -144,11 +140,7 @@ pub fn take_over(line: &LineSettings, pair: &StandbyPair) -> TakeOver {
         one_silent,
         each_further,
     } = stop_bounds(line);
-    let commanded = line
-        .drives
-        .iter()
-        .filter(|drive| drive.control.is_some())
-        .count();
+    let commanded = commanded(line);
     let further = each_further * u32::try_from(commanded.saturating_sub(1)).unwrap_or(u32::MAX);
     let first_stop = begins + all_healthy.max(one_silent);
     // If the drive that is stopped first is silent, the take-over is said once more, after a random wait.
@@ -177,6 +169,12 @@ pub fn take_over(line: &LineSettings, pair: &StandbyPair) -> TakeOver {
     }
 }
 
+/// How many drives of `line` may be commanded.
+fn commanded(line: &LineSettings) -> usize {
+    let drives = line.drives.iter();
+    drives.filter(|drive| drive.control.is_some()).count()
+}
+
 /// How long the signal takes by which a gateway takes `line`, with the silence that follows.
 fn claim(line: &LineSettings) -> Duration {
     let timing = timing(line).0;
@@ -199,33 +197,23 @@ pub fn missing_reply_costs(line: &LineSettings) -> Duration {
 #[must_use]
 pub fn longest_gap(line: &LineSettings, location: usize) -> Option<Duration> {
     let stations: Vec<_> = line.drives.iter().map(station).collect();
-    let commanded = line
-        .drives
-        .iter()
-        .filter(|drive| drive.control.is_some())
-        .count();
+    let commanded = commanded(line);
     budget::longest_gap_on_line(&timing(line).0, &stations, location, commanded)
 }
 
 /// A plan that does not fit is stretched; it is refused if the fast values would exceed their maximum age.
 pub(super) fn check(file: &LineFile, line: &LineSettings, problems: &mut Vec<Problem>) {
     let budget = budget(line);
-    let ages = line
-        .drives
-        .iter()
-        .enumerate()
-        .filter_map(|(location, drive)| Some((budget.fast_age(location)?, drive)));
+    let drives = line.drives.iter().enumerate();
+    let ages = drives.filter_map(|(at, drive)| Some((budget.fast_age(at)?, drive)));
     let Some((age, oldest)) = ages.max_by_key(|(age, _)| *age) else {
         return;
     };
     if budget.stretch <= 1.0 || age <= line.max_status_age {
         return;
     }
-    let location = file
-        .max_status_age
-        .valid()
-        .map(|written| written.location.clone());
-    let location = location.unwrap_or_else(|| file.location.missing("max_status_age"));
+    let missing = file.location.missing("max_status_age");
+    let location = file.max_status_age.location().unwrap_or(&missing);
     let limit = duration_text(line.max_status_age);
     let what = format!(
         "line `{}` cannot carry its polls: {}. Stretched {:.1} times, the fast values of `{}` would become {} old, \
@@ -236,7 +224,7 @@ pub(super) fn check(file: &LineFile, line: &LineSettings, problems: &mut Vec<Pro
         oldest.name,
         seconds(age),
     );
-    problems.push(location.problem(what).right(advice(line, &budget)));
+    location.refuse(what, advice(line, &budget), problems);
 }
 
 /// Why the plan does not fit: the number of drives and the load per second.
@@ -261,13 +249,9 @@ fn arithmetic(line: &LineSettings, budget: &PollBudget) -> String {
 
 /// Ways to make it fit, including the poll period that does.
 fn advice(line: &LineSettings, budget: &PollBudget) -> String {
-    let slowest = line
-        .drives
-        .iter()
-        .map(|drive| drive.poll)
-        .max()
-        .unwrap_or_default();
-    let kept = slowest.mul_f64(budget.stretch).as_secs_f64().ceil();
+    let slowest = line.drives.iter().map(|drive| drive.poll).max();
+    let kept = slowest.unwrap_or_default().mul_f64(budget.stretch);
+    let kept = kept.as_secs_f64().ceil();
     let most = if line.framing.has_characters() {
         line.link.baud
     } else {

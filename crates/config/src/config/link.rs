@@ -38,26 +38,22 @@ pub(super) fn settle(
             interface: Interface::Rs485,
         });
     }
-    let framing = choose(
+    let given = (&line.framing, line.framing());
+    let framing = choose(line, models, given, &FRAMING, problems);
+    let given = (&line.interface, line.interface());
+    let interface = choose(line, models, given, &INTERFACE, problems);
+    let with = (models, framing);
+    let baud = setting(line, with, &line.baud, &BAUD, |it| it.baud, problems);
+    let data_bits = data_bits(line, with, problems);
+    let parity = setting(line, with, &line.parity, &PARITY, |it| it.parity, problems);
+    let stop_bits = setting(
         line,
-        models,
-        &line.framing,
-        line.framing(),
-        &FRAMING,
+        with,
+        &line.stop_bits,
+        &STOP_BITS,
+        |it| it.stop_bits,
         problems,
     );
-    let interface = choose(
-        line,
-        models,
-        &line.interface,
-        line.interface(),
-        &INTERFACE,
-        problems,
-    );
-    let baud = setting(line, models, framing, &line.baud, &BAUD, problems);
-    let data_bits = data_bits(line, models, framing, problems);
-    let parity = setting(line, models, framing, &line.parity, &PARITY, problems);
-    let stop_bits = setting(line, models, framing, &line.stop_bits, &STOP_BITS, problems);
     let link = LinkSettings {
         baud: baud?,
         data_bits: data_bits?,
@@ -71,49 +67,44 @@ pub(super) fn settle(
     })
 }
 
-/// Data bits: RTU frames are bytes, so 7 bits are invalid there whatever the models support.
-fn data_bits(
-    line: &LineFile,
-    models: &[OnLine],
+/// RTU frames are bytes, so 7 data bits are invalid there. Returns whether `given` is no such number.
+pub(super) fn rtu_has_bytes(
+    given: &OptionalKey<u8>,
     framing: Option<Framing>,
     problems: &mut Vec<Problem>,
-) -> Option<u8> {
-    match (&line.data_bits, framing) {
-        (OptionalKey::Valid(written), Some(Framing::Rtu)) if written.value != 8 => {
-            problems.push(
-                written
-                    .location
-                    .problem("RTU frames need 8 data bits")
-                    .right("8, or leave it out"),
-            );
-            None
-        }
-        // RTU, or any framing with one choice only.
-        (OptionalKey::Absent, framing) if framing != Some(Framing::Ascii) || !matters(models) => {
-            choose(
-                line,
-                models,
-                &line.data_bits,
-                Some(DEFAULT_DATA_BITS),
-                &DATA_BITS.part,
-                problems,
-            )
-        }
-        (given, framing) => setting(line, models, framing, given, &DATA_BITS, problems),
+) -> bool {
+    if let (OptionalKey::Valid(bits), Some(Framing::Rtu)) = (given, framing)
+        && bits.value != DEFAULT_DATA_BITS
+    {
+        let right = "8, or leave it out";
+        bits.refuse("RTU frames need 8 data bits", right, problems);
+        return false;
     }
+    true
+}
+
+/// Data bits: those of RTU frames whatever the models support, and those of any framing that leaves no choice.
+fn data_bits(
+    line: &LineFile,
+    with: (&[OnLine], Option<Framing>),
+    problems: &mut Vec<Problem>,
+) -> Option<u8> {
+    let given = &line.data_bits;
+    let (models, framing) = with;
+    if !rtu_has_bytes(given, framing, problems) {
+        return None;
+    }
+    if given.is_absent() && (framing != Some(Framing::Ascii) || !matters(models)) {
+        let given = (given, Some(DEFAULT_DATA_BITS));
+        return choose(line, models, given, &DATA_BITS, problems);
+    }
+    setting(line, with, given, &DATA_BITS, |it| it.data_bits, problems)
 }
 
 /// Whether a drive of the line may be set to other data bits than the default.
 fn matters(models: &[OnLine]) -> bool {
-    models.iter().any(|on_line| {
-        on_line
-            .model
-            .link
-            .data_bits
-            .value
-            .iter()
-            .any(|bits| *bits != DEFAULT_DATA_BITS)
-    })
+    let mut bits = models.iter().flat_map(|it| &it.model.link.data_bits.value);
+    bits.any(|bits| *bits != DEFAULT_DATA_BITS)
 }
 
 /// One part of the link settings, and the place of its allowed values in a model.
@@ -122,12 +113,6 @@ struct LinkPart<T: 'static> {
     /// The value as written in a file.
     written: fn(T) -> String,
     allowed: fn(&ModelLink) -> &[T],
-}
-
-/// A part for which models have a factory setting.
-struct FactoryPart<T: 'static> {
-    part: LinkPart<T>,
-    factory: fn(LinkSettings) -> T,
 }
 
 const FRAMING: LinkPart<Framing> = LinkPart {
@@ -140,69 +125,54 @@ const INTERFACE: LinkPart<Interface> = LinkPart {
     written: |it| quoted(word_for(&INTERFACES, &it)),
     allowed: |link| &link.interfaces.value,
 };
-const BAUD: FactoryPart<u32> = FactoryPart {
-    part: LinkPart {
-        name: "baud",
-        written: |it| it.to_string(),
-        allowed: |link| &link.bauds.value,
-    },
-    factory: |link| link.baud,
+const BAUD: LinkPart<u32> = LinkPart {
+    name: "baud",
+    written: |it| it.to_string(),
+    allowed: |link| &link.bauds.value,
 };
-const DATA_BITS: FactoryPart<u8> = FactoryPart {
-    part: LinkPart {
-        name: "data_bits",
-        written: |it| it.to_string(),
-        allowed: |link| &link.data_bits.value,
-    },
-    factory: |link| link.data_bits,
+const DATA_BITS: LinkPart<u8> = LinkPart {
+    name: "data_bits",
+    written: |it| it.to_string(),
+    allowed: |link| &link.data_bits.value,
 };
-const PARITY: FactoryPart<Parity> = FactoryPart {
-    part: LinkPart {
-        name: "parity",
-        written: |it| quoted(word_for(&PARITIES, &it)),
-        allowed: |link| &link.parities.value,
-    },
-    factory: |link| link.parity,
+const PARITY: LinkPart<Parity> = LinkPart {
+    name: "parity",
+    written: |it| quoted(word_for(&PARITIES, &it)),
+    allowed: |link| &link.parities.value,
 };
-const STOP_BITS: FactoryPart<u8> = FactoryPart {
-    part: LinkPart {
-        name: "stop_bits",
-        written: |it| it.to_string(),
-        allowed: |link| &link.stop_bits.value,
-    },
-    factory: |link| link.stop_bits,
+const STOP_BITS: LinkPart<u8> = LinkPart {
+    name: "stop_bits",
+    written: |it| it.to_string(),
+    allowed: |link| &link.stop_bits.value,
 };
 
 /// `value`, which is `given` or a fixed default, if every model supports it.
 fn choose<T: Copy + PartialEq>(
     line: &LineFile,
     models: &[OnLine],
-    given: &OptionalKey<T>,
-    value: Option<T>,
+    (given, value): (&OptionalKey<T>, Option<T>),
     part: &LinkPart<T>,
     problems: &mut Vec<Problem>,
 ) -> Option<T> {
-    let location = match given {
-        OptionalKey::Valid(written) => written.location.clone(),
-        _ => line.location.missing(part.name),
-    };
-    possible(&location, models, value?, part, problems)
+    let missing = line.location.missing(part.name);
+    let location = given.location().unwrap_or(&missing);
+    possible(location, models, value?, part, problems)
 }
 
-/// The value of a part that defaults to the models' common factory setting.
+/// The value of a part that defaults to the models' common factory setting, which `factory` takes from their settings.
 fn setting<T: Copy + PartialEq>(
     line: &LineFile,
-    models: &[OnLine],
-    framing: Option<Framing>,
+    (models, framing): (&[OnLine], Option<Framing>),
     given: &OptionalKey<T>,
-    it: &FactoryPart<T>,
+    part: &LinkPart<T>,
+    factory: fn(LinkSettings) -> T,
     problems: &mut Vec<Problem>,
 ) -> Option<T> {
     match given {
-        OptionalKey::Absent => shared_factory(line, models, framing?, it, problems),
+        OptionalKey::Absent => shared_factory(line, (models, framing?), part, factory, problems),
         OptionalKey::Invalid => None,
         OptionalKey::Valid(written) => {
-            possible(&written.location, models, written.value, &it.part, problems)
+            possible(&written.location, models, written.value, part, problems)
         }
     }
 }
@@ -225,7 +195,7 @@ fn possible<T: Copy + PartialEq>(
                 (part.written)(value),
                 who(on_line)
             );
-            problems.push(location.problem(what).right(list(part, allowed)));
+            location.refuse(what, list(part, allowed), problems);
         }
     }
     (problems.len() == before).then_some(value)
@@ -234,64 +204,45 @@ fn possible<T: Copy + PartialEq>(
 /// The factory setting common to all models. `None` without any model (all unknown).
 fn shared_factory<T: Copy + PartialEq>(
     line: &LineFile,
-    models: &[OnLine],
-    framing: Framing,
-    it: &FactoryPart<T>,
+    (models, framing): (&[OnLine], Framing),
+    part: &LinkPart<T>,
+    factory: fn(LinkSettings) -> T,
     problems: &mut Vec<Problem>,
 ) -> Option<T> {
     let (first, others) = models.split_first()?;
-    let factory = |on_line: &OnLine| on_line.model.link.factory_with(framing).map(it.factory);
+    let factory = |on_line: &OnLine| on_line.model.link.factory_with(framing).map(factory);
     let known = factory(first);
     if known.is_some() && others.iter().all(|other| factory(other) == known) {
         return known;
     }
-    let each =
-        models.iter().map(
-            |on_line| match (factory(on_line), &on_line.model.link.default.value) {
-                (Some(value), _) => format!("{} {}", on_line.model.id, (it.part.written)(value)),
-                (None, FactorySetting::Set(of_ascii)) => {
-                    format!(
-                        "the factory setting of {} is ASCII frames at {of_ascii}",
-                        on_line.model.id
-                    )
-                }
-                (None, FactorySetting::Ask(text)) => format!("{}: {text}", on_line.model.id),
-            },
-        );
-    let each = each.collect::<Vec<_>>().join(", ");
-    let what = match models.iter().any(|on_line| factory(on_line).is_none()) {
-        true => format!(
-            "`{}` is left out, and no factory setting can be assumed: {each}",
-            it.part.name
-        ),
-        false => {
-            format!(
-                "`{}` is left out, and the models of the line have different factory settings: {each}",
-                it.part.name
-            )
+    let each = models.iter().map(|on_line| {
+        let id = &on_line.model.id;
+        match (factory(on_line), &on_line.model.link.default.value) {
+            (Some(value), _) => format!("{id} {}", (part.written)(value)),
+            (None, FactorySetting::Set(of_ascii)) => {
+                format!("the factory setting of {id} is ASCII frames at {of_ascii}")
+            }
+            (None, FactorySetting::Ask(text)) => format!("{id}: {text}"),
         }
+    });
+    let each = each.collect::<Vec<_>>().join(", ");
+    let why = match models.iter().any(|on_line| factory(on_line).is_none()) {
+        true => "no factory setting can be assumed",
+        false => "the models of the line have different factory settings",
     };
-    problems.push(
-        line.location
-            .missing(it.part.name)
-            .problem(what)
-            .right(advice(first, others, &it.part)),
-    );
+    let what = format!("`{}` is left out, and {why}: {each}", part.name);
+    let right = advice(first, others, part);
+    line.location
+        .missing(part.name)
+        .refuse(what, right, problems);
     None
 }
 
 /// What to write if the factory settings differ.
 fn advice<T: Copy + PartialEq>(first: &OnLine, others: &[OnLine], part: &LinkPart<T>) -> String {
-    let on_all = |value: &&T| {
-        others
-            .iter()
-            .all(|other| (part.allowed)(&other.model.link).contains(value))
-    };
-    let shared: Vec<T> = (part.allowed)(&first.model.link)
-        .iter()
-        .filter(on_all)
-        .copied()
-        .collect();
+    let allowed = |on_line: &OnLine, value: &T| (part.allowed)(&on_line.model.link).contains(value);
+    let mut shared = (part.allowed)(&first.model.link).to_vec();
+    shared.retain(|value| others.iter().all(|other| allowed(other, value)));
     match shared.is_empty() {
         true => "a line for each model: no value can be set on all of them".to_owned(),
         false => format!(

@@ -1,8 +1,10 @@
 //! Listeners: the lines that each serves, conflicts between addresses, networks that may connect, and their rights to
 //! write.
 
-use super::file::{ConfigFile, ListenerFile};
+use super::file::{ConfigFile, LineFile, ListenerFile, ListenerTlsFile};
 use super::listener_tls;
+use super::lists;
+use super::ready::ListenerSettings;
 use super::units::DriveUnits;
 use super::words::RoleRight;
 use crate::domain::ids::UnitId;
@@ -47,20 +49,16 @@ fn served(
         OptionalKey::Valid(names) => names,
     };
     if names.value.is_empty() {
-        let problem = names
-            .location
-            .problem("an empty list of lines serves nothing");
-        problems.push(problem.right("names of lines, or leave it out to serve all"));
+        let right = "names of lines, or leave it out to serve all";
+        names.refuse("an empty list of lines serves nothing", right, problems);
     }
     let mut lines = BTreeSet::new();
     for name in &names.value {
         match line_called(file, name) {
             Ok(line) if lines.insert(line) => {}
             Ok(_) => {
-                let problem = name
-                    .location
-                    .problem(format!("line `{}` is listed twice", name.value));
-                problems.push(problem.right("each once").warning());
+                let what = format!("line `{}` is listed twice", name.value);
+                name.warn(what, "each once", problems);
             }
             Err(problem) => problems.push(problem),
         }
@@ -69,47 +67,47 @@ fn served(
 }
 
 fn line_called(file: &ConfigFile, name: &LocatedValue<String>) -> Result<usize, Problem> {
-    let names: Vec<Option<&str>> = file
+    let known = |line: &LineFile| Some(line.name.as_ref()?.value.to_string());
+    let names: Vec<Option<String>> = file.lines.iter().map(known).collect();
+    if let Some(line) = names.iter().position(|it| it.as_ref() == Some(&name.value)) {
+        return Ok(line);
+    }
+    let names: Vec<&str> = names.iter().flatten().map(String::as_str).collect();
+    let what = format!("there is no line `{}`", name.value);
+    let problem = name.location.problem(what);
+    Err(match nearest(&name.value, names.iter().copied()) {
+        Some(near) => problem.right(format!("\"{near}\"")),
+        None => problem.right(format!("names of lines of this file: {}", names.join(", "))),
+    })
+}
+
+/// The ready settings of `listener`, which serves the lines `served`; `None` if they are invalid, see `problems`.
+pub(super) fn settings(
+    listener: &ListenerFile,
+    served: &BTreeSet<usize>,
+) -> Option<ListenerSettings> {
+    let lines = listener
         .lines
-        .iter()
-        .map(|line| line.name.as_ref().map(|name| name.value.as_str()))
-        .collect();
-    names
-        .iter()
-        .position(|it| *it == Some(name.value.as_str()))
-        .ok_or_else(|| {
-            let names: Vec<&str> = names.iter().copied().flatten().collect();
-            let problem = name
-                .location
-                .problem(format!("there is no line `{}`", name.value));
-            match nearest(&name.value, names.iter().copied()) {
-                Some(near) => problem.right(format!("\"{near}\"")),
-                None => problem.right(format!("names of lines of this file: {}", names.join(", "))),
-            }
-        })
+        .settle(|_names| Some(served.iter().copied().collect()))?;
+    let allow = listener.allow.clone().optional()?;
+    let tls = listener.tls.settle(ListenerTlsFile::settings)?;
+    let write = match (&listener.write, &tls) {
+        (OptionalKey::Absent, Some(tls)) => listener_tls::networks(allow.as_deref(), tls),
+        (write, _) => lists::values(write)?,
+    };
+    listener.settings(lines, write, tls)
 }
 
 /// No two listeners use the same address; a wildcard address covers every other.
 fn apart(file: &ConfigFile, problems: &mut Vec<Problem>) {
-    let http = file
-        .http
-        .valid()
-        .and_then(|http| http.value.listen.as_ref());
+    let http = file.http.valid().and_then(|it| it.value.listen.as_ref());
     let modbus = file.listeners.iter().filter_map(|it| it.listen.as_ref());
     let addresses: Vec<&LocatedValue<SocketAddr>> = modbus.chain(http).collect();
     for (index, later) in addresses.iter().enumerate() {
-        if let Some(earlier) = addresses
-            .iter()
-            .take(index)
-            .find(|earlier| collide(earlier.value, later.value))
-        {
+        let mut earlier = addresses.iter().take(index);
+        if let Some(earlier) = earlier.find(|earlier| collide(earlier.value, later.value)) {
             let what = format!("{} is taken by the listener {}", later.value, earlier.value);
-            problems.push(
-                later
-                    .location
-                    .problem(what)
-                    .right("a different address or port"),
-            );
+            later.refuse(what, "a different address or port", problems);
         }
     }
 }
@@ -134,62 +132,45 @@ pub(super) fn guarded(
     problems: &mut Vec<Problem>,
 ) {
     let Some(listen) = listen else { return };
-    if matches!(allow, OptionalKey::Absent) && !is_loopback(listen.value.ip()) {
+    if allow.is_absent() && !is_loopback(listen.value.ip()) {
         let what = format!(
             "{} can be reached from other hosts, and `allow` does not restrict them",
             listen.value
         );
-        let problem = location.missing("allow").problem(what);
-        problems.push(
-            problem
-                .right("allow = [\"10.0.0.0/24\"] with your own networks, or a loopback address"),
-        );
+        let right = "allow = [\"10.0.0.0/24\"] with your own networks, or a loopback address";
+        location.missing("allow").refuse(what, right, problems);
     }
 }
 
 /// Networks that may write can connect and may stop, networks with priority can connect, and `reads_renew` requires a
 /// right to write.
 fn rights(listener: &ListenerFile, problems: &mut Vec<Problem>) {
-    for list in [&listener.write, &listener.stop, &listener.priority]
+    let lists = [&listener.write, &listener.stop, &listener.priority];
+    for network in lists
         .into_iter()
         .filter_map(OptionalKey::valid)
+        .flat_map(|list| &list.value)
     {
-        for network in &list.value {
-            can_connect(listener, network, problems);
-        }
+        can_connect(listener, network, problems);
     }
     if let (OptionalKey::Valid(write), OptionalKey::Valid(stop)) = (&listener.write, &listener.stop)
     {
-        for network in write
-            .value
-            .iter()
-            .filter(|it| !stop.value.iter().any(|stop| stop.value.contains(&it.value)))
-        {
+        let may_stop = |net: &IpNet| stop.value.iter().any(|stop| stop.value.contains(net));
+        for network in write.value.iter().filter(|it| !may_stop(&it.value)) {
             let what = format!(
                 "{} may write and is not in `stop`: a client that may start must be allowed to stop",
                 network.value
             );
-            problems.push(
-                network
-                    .location
-                    .problem(what)
-                    .right(format!("\"{}\" in `stop` as well", network.value)),
-            );
+            let right = format!("\"{}\" in `stop` as well", network.value);
+            network.refuse(what, right, problems);
         }
     }
-    if let Some(renew) = listener
-        .reads_renew
-        .valid()
-        .filter(|renew| renew.value && !may_be_written(listener))
+    if let Some(renew) = listener.reads_renew.valid_as(&true)
+        && !may_be_written(listener)
     {
-        let problem = renew
-            .location
-            .problem("has no effect: no client may write here, so there is no lease to renew");
-        problems.push(
-            problem
-                .right("`write` with the networks that may, or leave it out")
-                .warning(),
-        );
+        let what = "has no effect: no client may write here, so there is no lease to renew";
+        let right = "`write` with the networks that may, or leave it out";
+        renew.warn(what, right, problems);
     }
 }
 
@@ -204,22 +185,22 @@ pub(super) fn may_be_written(listener: &ListenerFile) -> bool {
 
 /// Keep-alive is in whole seconds, and other times must not be shorter than a second; 0 means none.
 fn times(listener: &ListenerFile, problems: &mut Vec<Problem>) {
-    if let Some(written) = listener
-        .keep_alive
-        .valid()
-        .filter(|written| written.value.subsec_nanos() != 0)
+    if let Some(written) = listener.keep_alive.valid()
+        && written.value.subsec_nanos() != 0
     {
-        let problem = written
-            .location
-            .problem("the system uses whole seconds for this time");
-        problems.push(problem.right(format!("\"{}s\"", written.value.as_secs().max(1))));
+        let right = format!("\"{}s\"", written.value.as_secs().max(1));
+        written.refuse(
+            "the system uses whole seconds for this time",
+            right,
+            problems,
+        );
     }
-    let timeout = listener.idle_timeout.valid();
-    if let Some(written) = timeout.filter(|it| !it.value.is_zero() && it.value < TIMEOUT_LEAST) {
-        let problem = written
-            .location
-            .problem("clients that ask once a second would be closed in between");
-        problems.push(problem.right("at least \"1s\", or \"0s\" for none"));
+    if let Some(written) = listener.idle_timeout.valid()
+        && !written.value.is_zero()
+        && written.value < TIMEOUT_LEAST
+    {
+        let what = "clients that ask once a second would be closed in between";
+        written.refuse(what, "at least \"1s\", or \"0s\" for none", problems);
     }
 }
 
@@ -235,10 +216,8 @@ pub(super) fn units_exist(
             continue;
         };
         if listed.value.is_empty() {
-            let problem = listed
-                .location
-                .problem("an empty list of units serves no drive");
-            problems.push(problem.right("units of drives, or leave it out to serve all"));
+            let right = "units of drives, or leave it out to serve all";
+            listed.refuse("an empty list of units serves no drive", right, problems);
         }
         let drives = lines.iter().filter_map(|line| units.get(*line)).flatten();
         let known: Option<BTreeSet<UnitId>> =
@@ -252,19 +231,18 @@ pub(super) fn units_exist(
         }
         let mut seen = BTreeSet::new();
         for unit in &listed.value {
-            if !seen.insert(unit.value) {
-                let problem = unit
-                    .location
-                    .problem(format!("unit {} is listed twice", unit.value));
-                problems.push(problem.right("each once").warning());
-            } else if !known.contains(&unit.value) {
-                let there: Vec<_> = known.iter().map(UnitId::to_string).collect();
-                let what = format!(
-                    "has no effect: no drive that is served here has unit {}",
-                    unit.value
+            let number = unit.value;
+            if !seen.insert(number) {
+                unit.warn(
+                    format!("unit {number} is listed twice"),
+                    "each once",
+                    problems,
                 );
+            } else if !known.contains(&number) {
+                let there: Vec<_> = known.iter().map(UnitId::to_string).collect();
+                let what = format!("has no effect: no drive that is served here has unit {number}");
                 let right = format!("of {}; 255 is always served", there.join(", "));
-                problems.push(unit.location.problem(what).right(right).warning());
+                unit.warn(what, right, problems);
             }
         }
     }
@@ -276,38 +254,32 @@ fn can_connect(
     network: &LocatedValue<IpNet>,
     problems: &mut Vec<Problem>,
 ) {
-    let (what, right) = match (&listener.allow, &listener.listen) {
-        (OptionalKey::Valid(allow), _)
-            if !allow
-                .value
-                .iter()
-                .any(|allow| allow.contains(&network.value)) =>
-        {
-            let allowed: Vec<_> = allow
-                .value
-                .iter()
-                .map(|allow| format!("\"{allow}\""))
-                .collect();
-            (
-                format!("{} is in no network of `allow`", network.value),
-                format!("a network inside {}", allowed.join(", ")),
-            )
+    let net = network.value;
+    match (&listener.allow, &listener.listen) {
+        (OptionalKey::Valid(allow), _) if !allow.value.iter().any(|it| it.contains(&net)) => {
+            let allowed = allow.value.iter().map(|allow| format!("\"{allow}\""));
+            let right = format!(
+                "a network inside {}",
+                allowed.collect::<Vec<_>>().join(", ")
+            );
+            network.refuse(
+                format!("{net} is in no network of `allow`"),
+                right,
+                problems,
+            );
         }
         (OptionalKey::Absent, Some(listen))
-            if is_loopback(listen.value.ip()) && !is_loopback(network.value.addr()) =>
+            if is_loopback(listen.value.ip()) && !is_loopback(net.addr()) =>
         {
+            let what = format!(
+                "{net} cannot reach {}, which is this host only",
+                listen.value
+            );
             let here = IpNet::from(listen.value.ip());
-            (
-                format!(
-                    "{} cannot reach {}, which is this host only",
-                    network.value, listen.value
-                ),
-                format!("\"{here}\""),
-            )
+            network.refuse(what, format!("\"{here}\""), problems);
         }
-        _ => return,
-    };
-    problems.push(network.location.problem(what).right(right));
+        _ => {}
+    }
 }
 
 /// Whether only this host can reach the address.

@@ -1,10 +1,9 @@
 //! Modbus Security: the rights of a listener's roles.
 
-use super::file::{ListenerFile, ListenerTlsFile, RoleFile};
+use super::file::{ListenerFile, RoleFile};
 use super::lists;
 use super::ready::ListenerTls;
-use super::words::RoleRight;
-use crate::domain::command::Rights;
+use super::words::{FileWord, RoleRight};
 use crate::domain::problem::Problem;
 use crate::toml_file::{LocatedValue, OptionalKey};
 use ipnet::{IpNet, Ipv4Net, Ipv6Net};
@@ -19,35 +18,35 @@ pub(super) fn check(listener: &ListenerFile, problems: &mut Vec<Problem>) {
         return;
     };
     if roles.is_empty() {
-        let problem = location.problem("no role is listed, so no client is answered");
-        problems.push(problem.right(
+        location.refuse(
+            "no role is listed, so no client is answered",
             "`roles = { operator = [\"write\", \"stop\"], viewer = [] }` with your own roles",
-        ));
+            problems,
+        );
     }
-    for RoleFile { name, rights } in roles {
-        lists::once(&rights.value, problems);
-        if has(rights, RoleRight::Write) && !has(rights, RoleRight::Stop) {
+    for role in roles {
+        lists::once(&role.rights.value, problems);
+        if role.has(RoleRight::Write) && !role.has(RoleRight::Stop) {
             let what = format!(
-                "role `{name}` may write but not stop: a client that may start must be allowed to stop"
+                "role `{}` may write but not stop: a client that may start must be allowed to stop",
+                role.name
             );
-            problems.push(rights.location.problem(what).right("[\"write\", \"stop\"]"));
+            role.rights.refuse(what, "[\"write\", \"stop\"]", problems);
         }
     }
-    let lists = [
-        (&listener.write, RoleRight::Write, "write"),
-        (&listener.stop, RoleRight::Stop, "stop"),
-    ];
-    for (list, right, verb) in lists {
+    for (list, right) in [
+        (&listener.write, RoleRight::Write),
+        (&listener.stop, RoleRight::Stop),
+    ] {
         if let Some(list) = list.valid()
             && !list.value.is_empty()
             && !roles.is_empty()
-            && roles.iter().all(|role| !has(&role.rights, right))
+            && roles.iter().all(|role| !role.has(right))
         {
-            let problem = list
-                .location
-                .problem(format!("has no effect: no role of `tls` may {verb}"));
+            let verb = right.word();
+            let what = format!("has no effect: no role of `tls` may {verb}");
             let right = format!("\"{verb}\" in the `roles` of those who may, or leave it out");
-            problems.push(problem.right(right).warning());
+            list.warn(what, right, problems);
         }
     }
     stops_whom_it_starts(listener, problems);
@@ -65,19 +64,13 @@ fn stops_whom_it_starts(listener: &ListenerFile, problems: &mut Vec<Problem>) {
     let OptionalKey::Valid(allow) = &listener.allow else {
         return;
     };
-    for network in allow
-        .value
-        .iter()
-        .filter(|it| !stop.value.iter().any(|stop| stop.value.contains(*it)))
-    {
+    let may_stop = |net: &IpNet| stop.value.iter().any(|stop| stop.value.contains(net));
+    for network in allow.value.iter().filter(|it| !may_stop(it)) {
         let what = format!(
             "without `write` all of {network} may write, and it is not in `stop`: a client that may start must be allowed to stop"
         );
-        problems.push(
-            stop.location
-                .problem(what)
-                .right("`write` with the networks that may, or leave `stop` out as well"),
-        );
+        let right = "`write` with the networks that may, or leave `stop` out as well";
+        stop.refuse(what, right, problems);
     }
 }
 
@@ -88,7 +81,7 @@ pub(super) fn may(listener: &ListenerFile, right: RoleRight) -> bool {
         OptionalKey::Invalid => true,
         OptionalKey::Valid(tls) => {
             let roles = tls.value.roles.as_ref();
-            roles.is_none_or(|roles| roles.value.iter().any(|role| has(&role.rights, right)))
+            roles.is_none_or(|roles| roles.value.iter().any(|role| role.has(right)))
         }
     }
 }
@@ -99,15 +92,6 @@ pub(super) fn rights(listener: &ListenerFile) -> impl Iterator<Item = &LocatedVa
         .into_iter()
         .flat_map(|roles| &roles.value)
         .flat_map(|role| &role.rights.value)
-}
-
-/// The ready settings: `Some(None)` if the listener is not encrypted; `None` if they are invalid, see `problems`.
-pub(super) fn settle(listener: &ListenerFile) -> Option<Option<ListenerTls>> {
-    match &listener.tls {
-        OptionalKey::Absent => Some(None),
-        OptionalKey::Invalid => None,
-        OptionalKey::Valid(tls) => ready(&tls.value).map(Some),
-    }
 }
 
 /// The networks that may write without a list: all that may connect, if any role has a right.
@@ -121,26 +105,6 @@ pub(super) fn networks(allow: Option<&[IpNet]>, tls: &ListenerTls) -> Vec<IpNet>
     }
 }
 
-fn ready(tls: &ListenerTlsFile) -> Option<ListenerTls> {
-    let roles = tls.roles.as_ref()?.value.iter();
-    let rights = |role: &RoleFile| Rights {
-        write: has(&role.rights, RoleRight::Write),
-        stop: has(&role.rights, RoleRight::Stop),
-    };
-    Some(ListenerTls {
-        cert_file: tls.cert_file.as_ref()?.value.clone(),
-        key_file: tls.key_file.as_ref()?.value.clone(),
-        client_ca_file: tls.client_ca_file.as_ref()?.value.clone(),
-        roles: roles
-            .map(|role| (role.name.clone(), rights(role)))
-            .collect(),
-    })
-}
-
 fn roles(listener: &ListenerFile) -> Option<&LocatedValue<Vec<RoleFile>>> {
     listener.tls.valid()?.value.roles.as_ref()
-}
-
-fn has(rights: &LocatedValue<Vec<LocatedValue<RoleRight>>>, right: RoleRight) -> bool {
-    rights.value.iter().any(|written| written.value == right)
 }

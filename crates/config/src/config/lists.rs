@@ -1,74 +1,68 @@
-//! Lists of words for enumerations.
+//! Lists of values, and values that must differ.
 
-use super::words::{ACTIONS, CommandInterface, DIRECTIONS, ROLE_RIGHTS, RoleRight, WAYS};
-use crate::domain::command::Direction;
-use crate::domain::control::ControlAction;
+use super::words::FileWord;
 use crate::domain::problem::Problem;
-use crate::north::mqtt::TopicTree;
-use crate::toml_file::words::word_for;
-use crate::toml_file::{LocatedValue, OptionalKey};
+use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
+use std::collections::BTreeMap;
+use std::fmt::Display;
 
-/// A value that a file writes as a word.
-pub(super) trait FileWord {
-    fn keyword(&self) -> &'static str;
+/// Each of `names` is another one; `whose` says what has them.
+pub(super) fn names_differ<'a, T: Ord + Display + 'a>(
+    names: impl Iterator<Item = &'a LocatedValue<T>>,
+    whose: &str,
+    problems: &mut Vec<Problem>,
+) {
+    let right = format!("a name that no other {whose} uses");
+    let called = |name: &T| format!("the name `{name}`");
+    differ(names, |name| name, called, &right, problems);
 }
 
-impl FileWord for CommandInterface {
-    fn keyword(&self) -> &'static str {
-        word_for(&WAYS, self)
-    }
-}
-
-impl FileWord for RoleRight {
-    fn keyword(&self) -> &'static str {
-        word_for(&ROLE_RIGHTS, self)
-    }
-}
-
-impl FileWord for Direction {
-    fn keyword(&self) -> &'static str {
-        word_for(&DIRECTIONS, self)
-    }
-}
-
-impl FileWord for ControlAction {
-    fn keyword(&self) -> &'static str {
-        word_for(&ACTIONS, self)
-    }
-}
-
-impl FileWord for TopicTree {
-    fn keyword(&self) -> &'static str {
-        Self::keyword(*self)
+/// Each of `values` has a key of its own.
+pub(super) fn differ<'a, T: 'a, K: Ord>(
+    values: impl Iterator<Item = &'a LocatedValue<T>>,
+    key: impl Fn(&'a T) -> K,
+    called: impl Fn(&T) -> String,
+    right: &str,
+    problems: &mut Vec<Problem>,
+) {
+    let mut seen: BTreeMap<K, &KeyLocation> = BTreeMap::new();
+    for written in values {
+        let key = key(&written.value);
+        let Some(first) = seen.get(&key) else {
+            seen.insert(key, &written.location);
+            continue;
+        };
+        let what = format!("{} is taken by {}", called(&written.value), first.key);
+        written.refuse(what, right, problems);
     }
 }
 
 /// Reports each repeated word in `list`.
 pub(super) fn once<T: FileWord + PartialEq>(list: &[LocatedValue<T>], problems: &mut Vec<Problem>) {
     for (index, written) in list.iter().enumerate() {
-        if list
-            .iter()
-            .take(index)
-            .any(|earlier| earlier.value == written.value)
-        {
-            let problem = written
-                .location
-                .problem(format!("\"{}\" is listed twice", written.value.keyword()));
-            problems.push(problem.right("each once").warning());
+        if has(list.iter().take(index), &written.value) {
+            let what = format!("\"{}\" is listed twice", written.value.word());
+            written.warn(what, "each once", problems);
         }
     }
 }
 
+/// Whether `value` is one of `list`.
+pub(super) fn has<'a, T: PartialEq + 'a>(
+    list: impl IntoIterator<Item = &'a LocatedValue<T>>,
+    value: &T,
+) -> bool {
+    list.into_iter().any(|written| written.value == *value)
+}
+
 /// The values of a list, empty if it is left out; `None` if it is unusable.
 pub(super) fn values<T: Clone>(list: &OptionalKey<Vec<LocatedValue<T>>>) -> Option<Vec<T>> {
-    match list {
-        OptionalKey::Absent => Some(Vec::new()),
-        OptionalKey::Invalid => None,
-        OptionalKey::Valid(list) => Some(
-            list.value
-                .iter()
-                .map(|written| written.value.clone())
-                .collect(),
-        ),
-    }
+    some_values(list).map(Option::unwrap_or_default)
+}
+
+/// The values of a list: `Some(None)` if it is left out; `None` if it is unusable.
+pub(super) fn some_values<T: Clone>(
+    list: &OptionalKey<Vec<LocatedValue<T>>>,
+) -> Option<Option<Vec<T>>> {
+    list.settle(|list| Some(list.iter().map(|written| written.value.clone()).collect()))
 }

@@ -1,12 +1,13 @@
 //! The configuration file, from its text to ready values or to all its problems at once. Opens nothing.
 //!
-//! `file` declares the tables with their keys, takes the values as written, each with its location, and refuses every other
-//! key. `resolve` makes them ready and checks the rules between keys: `link` compares lines with their
-//! models, `control` and `native` check what may be commanded and written, `mqtt` checks the broker, `line_plan` the cost
-//! of polls, `listen` the listeners with their roles (`listener_tls`), `http` the page and its users, `units` the units of
-//! drives, `standby` the second gateway, `commanders` whether commands can arrive at all. Neither stops at the first mistake. A key without effect (on
-//! this model, or beside the other keys) is a warning; a key that affects what may move a motor is an error. Properties
-//! that only show when a port is opened (a pseudo-terminal, a driver that can switch the direction) are left to the daemon.
+//! `file` declares the tables with their keys, takes the values as written, each with its location, refuses every other key,
+//! and fills the settings that the rooms use. `resolve` checks the rules between keys and puts all together: `link` compares
+//! lines with their models, `control` and `native` check what may be commanded and written, `mqtt` checks the broker,
+//! `line_plan` the cost of polls, `listen` the listeners with their roles (`listener_tls`), `http` the page and its users,
+//! `units` the units of drives, `standby` the second gateway, `commanders` whether commands can arrive at all. Neither stops
+//! at the first mistake. A key without effect (on this model, or beside the other keys) is a warning; a key that affects what
+//! may move a motor is an error. Properties that only show when a port is opened (a pseudo-terminal, a driver that can switch
+//! the direction) are left to the daemon.
 
 mod acceptance;
 mod broker;
@@ -16,7 +17,6 @@ mod commanders;
 mod control;
 pub mod edit;
 mod file;
-mod full_scale;
 mod host;
 mod http;
 pub mod line_plan;
@@ -33,8 +33,6 @@ pub mod qualified;
 mod ratings;
 pub mod ready;
 mod ready_broker;
-mod ready_http;
-mod ready_serial;
 mod resolve;
 mod secrets;
 mod serial;
@@ -48,16 +46,15 @@ pub mod written;
 
 pub use acceptance::{is_tried, is_unproven};
 pub use control::why_not as why_not_controlled;
-pub use http::{HashSource, HttpSettings, HttpTls, PageViewers, UserSettings};
 pub use native::{ListedRegister, listed};
 pub use ratings::shown_in_per_cent;
 pub use ready::{
     BEHIND_A_BRIDGE, BrokerCredentials, BrokerSettings, ClientCertificate, Config, DriveSettings,
-    GatewaySettings, JournalSettings, LineSettings, LineSilence, ListenerSettings, ListenerTls,
-    MqttSettings, PasswordSource, PortAddress, RemovalRule, SparkplugSettings, TlsSettings,
+    GatewaySettings, HashSource, HttpSettings, HttpTls, JournalSettings, LineSettings, LineSilence,
+    ListenerSettings, ListenerTls, MqttSettings, PageViewers, PasswordSource, PortAddress,
+    RemovalRule, SerialMasterSettings, SparkplugSettings, TlsSettings, UserSettings,
     command_deadline,
 };
-pub use ready_serial::SerialMasterSettings;
 pub use secrets::without_secrets;
 
 use crate::domain::problem::Problem;
@@ -127,11 +124,12 @@ pub fn load_at_site(
     catalog: &Catalog,
     site: Result<&QualifiedResults, &str>,
 ) -> Result<Config, Vec<Problem>> {
+    let are_all = true;
     with_models(
         text,
         KnownModels {
             catalog,
-            are_all: true,
+            are_all,
             site,
         },
     )
@@ -141,17 +139,16 @@ pub fn load_at_site(
 /// missing model may be one of those.
 #[must_use]
 pub fn problems_without_some_models(text: &str, catalog: &Catalog) -> Vec<Problem> {
-    let site = Ok(&QualifiedResults::default());
-    with_models(
+    let (are_all, site) = (false, Ok(&QualifiedResults::default()));
+    let loaded = with_models(
         text,
         KnownModels {
             catalog,
-            are_all: false,
+            are_all,
             site,
         },
-    )
-    .err()
-    .unwrap_or_default()
+    );
+    loaded.err().unwrap_or_default()
 }
 
 fn with_models(text: &str, models: KnownModels<'_>) -> Result<Config, Vec<Problem>> {

@@ -1,7 +1,6 @@
 //! Publication of a drive's polled registers over MQTT: dead bands, heartbeats and decimals.
 
-use super::file::{ConfigFile, DriveFile};
-use super::mqtt;
+use super::file::{ConfigFile, DriveFile, RegisterValues};
 use crate::domain::problem::{Problem, nearest};
 use crate::drive::description::PointSettings;
 use crate::north::mqtt::TopicTree;
@@ -16,25 +15,22 @@ pub(super) fn settle(
     is_published: bool,
     problems: &mut Vec<Problem>,
 ) -> Option<PointSettings> {
-    let dead_bands = read_point_table(
+    let dead_bands = table(
         &drive.dead_bands,
         "a dead band",
-        model,
-        is_published,
+        (model, is_published),
         problems,
     );
-    let heartbeats = read_point_table(
+    let heartbeats = table(
         &drive.heartbeats,
         "a heartbeat",
-        model,
-        is_published,
+        (model, is_published),
         problems,
     );
-    let decimals = read_point_table(
+    let decimals = table(
         &drive.decimals,
         "the count of decimals",
-        model,
-        is_published,
+        (model, is_published),
         problems,
     );
     let mut points = PointSettings {
@@ -52,49 +48,37 @@ pub(super) fn settle(
 }
 
 /// The values of one table.
-fn read_point_table<T: Copy>(
-    given: &OptionalKey<Vec<(String, LocatedValue<T>)>>,
+fn table<T: Copy>(
+    given: &RegisterValues<T>,
     what: &str,
-    model: Option<&Model>,
-    is_published: bool,
+    (model, is_published): (Option<&Model>, bool),
     problems: &mut Vec<Problem>,
 ) -> Option<Vec<(String, T)>> {
-    let LocatedValue {
-        value: table,
-        location,
-    } = match given {
+    let table = match given {
         OptionalKey::Absent => return Some(Vec::new()),
         OptionalKey::Invalid => return None,
         OptionalKey::Valid(table) => table,
     };
     if !is_published {
-        let problem = location.problem(format!(
-            "has no effect: {what} applies only to a broker, and there is no `[mqtt]`"
-        ));
-        problems.push(problem.right("leave it out").warning());
+        let what =
+            format!("has no effect: {what} applies only to a broker, and there is no `[mqtt]`");
+        table.warn(what, "leave it out", problems);
     }
     let polled: Vec<&str> = polled(model?).map(|it| it.name.as_str()).collect();
-    for (name, written) in table
-        .iter()
-        .filter(|(name, _)| !polled.contains(&name.as_str()))
-    {
-        let problem = written
-            .location
-            .problem(format!("has no effect: no register `{name}` is polled"))
-            .warning();
-        problems.push(match nearest(name, polled.iter().copied()) {
-            Some(near) => problem.right(format!("`{near}`")),
-            None => problem.right(format!("one of {}", polled.join(", "))),
-        });
+    let mut values = Vec::new();
+    for (name, written) in &table.value {
+        if polled.contains(&name.as_str()) {
+            values.push((name.clone(), written.value));
+            continue;
+        }
+        let what = format!("has no effect: no register `{name}` is polled");
+        let right = match nearest(name, polled.iter().copied()) {
+            Some(near) => format!("`{near}`"),
+            None => format!("one of {}", polled.join(", ")),
+        };
+        written.warn(what, right, problems);
     }
-    let of_polled = table
-        .iter()
-        .filter(|(name, _)| polled.contains(&name.as_str()));
-    Some(
-        of_polled
-            .map(|(name, written)| (name.clone(), written.value))
-            .collect(),
-    )
+    Some(values)
 }
 
 fn polled(model: &Model) -> impl Iterator<Item = &Register> {
@@ -110,58 +94,45 @@ fn too_fine<'t>(
     let mut left_out = Vec::new();
     for (name, written) in table {
         let register = polled(model).find(|it| it.name == *name);
-        let Some(most) = register
-            .map(Register::digits)
-            .filter(|most| written.value > *most)
-        else {
+        let Some(most) = register.map(Register::digits) else {
             continue;
         };
-        let problem = written.location.problem(format!(
-            "has no effect: `{name}` is not finer than {most} decimals"
-        ));
-        let right = if most == 0 {
-            "leave it out".to_owned()
-        } else {
-            format!("0 to {most}")
-        };
-        problems.push(problem.right(right).warning());
-        left_out.push(name.as_str());
+        if written.value > most {
+            let what = format!("has no effect: `{name}` is not finer than {most} decimals");
+            let right = match most {
+                0 => "leave it out".to_owned(),
+                most => format!("0 to {most}"),
+            };
+            written.warn(what, right, problems);
+            left_out.push(name.as_str());
+        }
     }
     left_out
 }
 
 /// Tables without effect, because their topics are not published.
 pub(super) fn idle(file: &ConfigFile, problems: &mut Vec<Problem>) {
-    let Some(written) = file.mqtt.valid().map(|written| &written.value) else {
+    let Some(mqtt) = file.mqtt.valid().map(|mqtt| &mqtt.value) else {
         return;
     };
-    let Some(publish) = mqtt::publish(written) else {
+    let Some(publish) = mqtt.published() else {
         return;
     };
     let has_values = publish.contains(&TopicTree::Values);
     let is_any_shown =
-        has_values || publish.contains(&TopicTree::State) || written.keep_telemetry() != Some(0);
-    for drive in file.lines.iter().flat_map(|line| &line.drives) {
-        let tables = [
-            (
-                drive.dead_bands.valid().map(|it| &it.location),
-                is_any_shown,
-            ),
-            (drive.decimals.valid().map(|it| &it.location), is_any_shown),
-            (drive.heartbeats.valid().map(|it| &it.location), has_values),
-        ];
-        for location in tables
-            .into_iter()
-            .filter(|(_, is_used)| !is_used)
-            .filter_map(|(location, _)| location)
-        {
-            let problem = location
-                .problem("has no effect: it is about topics that `publish` in `[mqtt]` leaves out");
-            problems.push(
-                problem
-                    .right("leave it out, or add \"values\" there")
-                    .warning(),
-            );
+        has_values || publish.contains(&TopicTree::State) || mqtt.keep_telemetry() != Some(0);
+    for drive in file.drives() {
+        for (location, is_used) in [
+            (drive.dead_bands.location(), is_any_shown),
+            (drive.decimals.location(), is_any_shown),
+            (drive.heartbeats.location(), has_values),
+        ] {
+            if let (Some(location), false) = (location, is_used) {
+                let what =
+                    "has no effect: it is about topics that `publish` in `[mqtt]` leaves out";
+                let right = "leave it out, or add \"values\" there";
+                location.warn(what, right, problems);
+            }
         }
     }
 }

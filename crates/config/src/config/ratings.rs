@@ -1,11 +1,14 @@
-//! Rated values of a drive, for models that report in percent of them.
+//! Rated values of a drive, for models that report in percent of them, and the full scale of its frequencies, for models that do
+//! not show it.
 
 use super::file::DriveFile;
+use crate::domain::frequency::Hertz;
 use crate::domain::problem::Problem;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveRatings;
 use crate::profile::model::{Model, RegisterRole};
 use crate::toml_file::OptionalKey;
+use std::sync::Arc;
 
 /// A rated value, and the readings that are in percent of it.
 struct RatedKey {
@@ -49,20 +52,14 @@ impl RatedKey {
         model: Option<&Model>,
         problems: &mut Vec<Problem>,
     ) -> Option<Option<u32>> {
-        if let (OptionalKey::Valid(written), Some(model)) = (given, model)
+        if let (Some(written), Some(model)) = (given.valid(), model)
             && !self.is_used_by(model)
         {
             let what = format!(
                 "has no effect: {} reports no {} in percent of the rated one",
                 model.id, self.what
             );
-            problems.push(
-                written
-                    .location
-                    .problem(what)
-                    .right("leave it out")
-                    .warning(),
-            );
+            written.warn(what, "leave it out", problems);
         }
         given.clone().optional()
     }
@@ -80,6 +77,39 @@ pub(super) fn settle(
         current_ma: current_ma?,
         voltage_mv: voltage_mv?,
     })
+}
+
+/// `model` with the full scale that `drive` states. If it needs one and there is none, that is in `problems`, and the model is
+/// good for finding the others.
+pub(super) fn full_scale(
+    drive: &DriveFile,
+    model: Option<Arc<Model>>,
+    problems: &mut Vec<Problem>,
+) -> Option<Arc<Model>> {
+    let model = model?;
+    match &drive.full_scale {
+        OptionalKey::Invalid => Some(model),
+        OptionalKey::Valid(written) if model.needs_full_scale() => Some(Arc::new(
+            model.with_full_scale(Hertz::from_millihertz(written.value)),
+        )),
+        OptionalKey::Valid(written) => {
+            let what = format!(
+                "has no effect: {} reports no fractions of a full scale that it does not show",
+                model.id
+            );
+            written.warn(what, "leave it out", problems);
+            Some(model)
+        }
+        OptionalKey::Absent if model.needs_full_scale() => {
+            let parameter = model.full_scale_parameter();
+            let parameter = parameter.map(|it| format!(", {it}")).unwrap_or_default();
+            let right = format!("the frequency that stands for 100 % at the drive{parameter}");
+            let location = drive.location.missing("full_scale_hz");
+            location.refuse("`full_scale_hz` is missing", right, problems);
+            Some(model)
+        }
+        OptionalKey::Absent => Some(model),
+    }
 }
 
 /// The readings that can only be shown in percent on a drive of `model`, each with the key that changes that.

@@ -4,16 +4,16 @@ pub use super::ready_broker::{
     BrokerCredentials, BrokerSettings, ClientCertificate, MqttSettings, PasswordSource,
     SparkplugSettings, TlsSettings,
 };
-use super::ready_http::HttpSettings;
-use super::ready_serial::SerialMasterSettings;
 use crate::domain::command::Rights;
 use crate::domain::control::ControlSettings;
-use crate::domain::ids::{Name, Station, UnitId};
+use crate::domain::ids::{CommanderName, Name, Station, UnitId};
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, LinkSettings};
 use crate::domain::problem::Problem;
 use crate::domain::standby::StandbyPair;
 use crate::drive::description::{DriveRatings, PointSettings};
 use crate::guard::COMMAND_DEADLINE;
+use crate::north::operator::password::StoredHash;
+use crate::north::operator::rights::UserRights;
 use crate::profile::model::Model;
 use ipnet::{IpNet, Ipv4Net};
 use std::collections::{BTreeMap, BTreeSet};
@@ -317,6 +317,96 @@ impl ListenerSettings {
             .as_ref()
             .is_none_or(|units| units.contains(&unit))
     }
+}
+
+/// A serial port at which the gateway is a slave: its master is the only client there.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SerialMasterSettings {
+    /// Unique among the serial masters.
+    pub name: CommanderName,
+    /// Neither a line nor another master has the same one, as far as the text shows.
+    pub port: PortAddress,
+    /// Speed and character format.
+    pub link: LinkSettings,
+    /// How the master delimits frames.
+    pub framing: Framing,
+    /// What switches the direction.
+    pub direction: DirectionControl,
+    /// Whether the driver of a device is asked to deliver received bytes at once.
+    pub low_latency: bool,
+    /// Time from the end of a request until an exception has been sent, if there is no answer: 20 ms to 5 s, and longer
+    /// than the silence and the exception take.
+    pub answer_within: Duration,
+    /// What the master reaches and may do, in the words of a listener: its one client is this host.
+    pub serving: ListenerSettings,
+}
+
+impl SerialMasterSettings {
+    /// Whether `other` uses the same port in the same way, so that the port stays open over a change.
+    #[must_use]
+    pub fn has_port_of(&self, other: &Self) -> bool {
+        Self {
+            serving: other.serving.clone(),
+            ..self.clone()
+        } == *other
+    }
+}
+
+/// The HTTP listener.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct HttpSettings {
+    /// Address and port. No other listener has the same.
+    pub listen: SocketAddr,
+    /// Networks that may connect. `None`: every client that can, which is this host only (other listeners have a list).
+    pub allow: Option<Vec<IpNet>>,
+    /// Additional host names for browsers, besides addresses and the host's own name, in lower case.
+    pub hosts: Vec<String>,
+    /// Who sees the drives.
+    pub view: PageViewers,
+    /// Users with the role for it change the configuration in the page.
+    pub setup: bool,
+    /// Users that may sign in and command. Empty: the page is read-only. Only on loopback or with TLS.
+    pub users: Vec<UserSettings>,
+    /// TLS settings. `None`: connections are not encrypted.
+    pub tls: Option<HttpTls>,
+}
+
+/// Who sees the drives on the page and below `/api/v1/`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PageViewers {
+    /// Every client that may connect.
+    Anyone,
+    /// Users who have signed in.
+    SignedIn,
+}
+
+/// A user who may sign in on the page.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UserSettings {
+    /// Unique among the users; the owner of their commands.
+    pub name: CommanderName,
+    /// The password as a hash.
+    pub hash: HashSource,
+    /// What they may do.
+    pub rights: UserRights,
+}
+
+/// The source of a password's hash.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum HashSource {
+    /// In the configuration.
+    Text(StoredHash),
+    /// The content of the file at this absolute path.
+    File(PathBuf),
+}
+
+/// TLS of the HTTP listener. Absolute paths.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct HttpTls {
+    /// The gateway's certificate with its chain.
+    pub cert_file: PathBuf,
+    /// The key of the gateway's certificate.
+    pub key_file: PathBuf,
 }
 
 /// Maximum wait of a command without its own deadline before its first frame is sent to a drive with `control`: every

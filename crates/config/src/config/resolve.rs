@@ -1,18 +1,13 @@
 //! Turns the configuration as written into ready values: defaults, models, and the rules between keys.
 
-use super::file::{ConfigFile, DriveFile, LineFile, ListenerFile};
-use super::full_scale;
+use super::file::{ConfigFile, DriveFile, LineDefaults, LineFile, MqttDefaults};
 use super::link::{self, OnLine, SettledLink};
-use super::mqtt::DriveDefaults;
 use super::qualified::{FILE_NAME, QualifiedResults, QualifiedStanding};
-use super::ready::{
-    Config, DriveSettings, GatewaySettings, JournalSettings, LineSettings, ListenerSettings,
-    PortAddress,
-};
+use super::ready::{Config, DriveSettings, JournalSettings, LineSettings, PortAddress};
 use super::units::{self, DriveUnits};
 use super::{
-    acceptance, commanders, control, http, line_plan, listen, listener_tls, lists, mqtt, points,
-    port, ratings, serial, standby, watchdog,
+    acceptance, commanders, control, http, line_plan, listen, lists, mqtt, points, port, ratings,
+    serial, standby, watchdog,
 };
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::Station;
@@ -23,10 +18,9 @@ use crate::drive::description::{DriveRatings, PointSettings};
 use crate::profile::catalog::Catalog;
 use crate::profile::model::Model;
 use crate::profile::register::with_extra;
-use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
-use std::collections::{BTreeMap, BTreeSet};
+use crate::toml_file::{LocatedValue, OptionalKey};
+use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::time::Duration;
 
 /// The models that a configuration may name.
 #[derive(Clone, Copy)]
@@ -49,32 +43,31 @@ pub(super) fn resolve(
     acceptance::trials_are_kept(file, problems);
     let are_all = models.are_all && !matches!(file.gateway.model_dirs, OptionalKey::Invalid);
     let models = KnownModels { are_all, ..models };
-    let is_published = !matches!(file.mqtt, OptionalKey::Absent);
     let defaults = mqtt::defaults(file);
-    let of_mqtt = is_published.then_some(defaults);
+    let of_mqtt = (!file.mqtt.is_absent()).then_some(defaults);
     standby::check(file, problems);
-    let parts: Vec<LineParts> = file
-        .lines
-        .iter()
-        .map(|line| parts_of(line, models, of_mqtt, problems))
-        .collect();
+    let mut parts = Vec::new();
+    for line in &file.lines {
+        parts.push(parts_of(line, models, of_mqtt, problems));
+    }
     let served = listen::settle(file, problems);
     let units = units::settle(file, &served, problems);
-    let session_lease = mqtt::session_lease(file, defaults.lease);
-    let mqtt = whole(&file.mqtt, |mqtt| {
-        mqtt::settle(mqtt, file, session_lease, problems)
-    });
-    let http = whole(&file.http, |http| http::settle(http, file, problems));
+    let lease = mqtt::session_lease(file, defaults.lease);
+    let mqtt = file
+        .mqtt
+        .settle(|mqtt| mqtt::settle(mqtt, file, lease, problems));
+    let http = file.http.settle(|http| http::settle(http, file, problems));
     listen::units_exist(file, &served, &units, problems);
     commanders::check(file, &served, &units, problems);
     points::idle(file, problems);
-    let pair = whole(&file.standby, |it| standby::settle(it, file, problems));
+    let pair = file
+        .standby
+        .settle(|standby| standby::settle(standby, file, problems));
 
-    let lines = file.lines.iter().zip(parts).zip(&units);
-    let mut ready = Vec::new();
-    for ((of_line, parts), units) in lines {
+    let mut lines = Vec::new();
+    for ((of_line, parts), units) in file.lines.iter().zip(parts).zip(&units) {
         let line = ready_line(of_line, parts, units, pair.as_ref());
-        ready.push(line.inspect(|line| {
+        lines.push(line.inspect(|line| {
             line_plan::check(of_line, line, problems);
             standby::has_time(file, line, problems);
             for (location, drive) in of_line.drives.iter().enumerate() {
@@ -82,28 +75,17 @@ pub(super) fn resolve(
             }
         }));
     }
-    let listeners = file
-        .listeners
-        .iter()
-        .zip(&served)
-        .map(|(it, served)| ready_listener(it, served.clone()));
-    let serial_masters = serial::settle(
-        file,
-        &served[file.listeners.len().min(served.len())..],
-        problems,
-    );
+    let listeners = file.listeners.iter().zip(&served);
+    let listeners = listeners.map(|(it, served)| listen::settings(it, served));
+    let masters = serial::settle(file, served.get(file.listeners.len()..)?, problems);
     let journal = ready_journal(file, problems);
     Some(Config {
         journal: journal?,
-        gateway: GatewaySettings {
-            name: file.gateway.name.clone().optional()?,
-            data_dir: file.gateway.data_dir.clone().optional()?,
-            on_removal: file.gateway.on_removal()?,
-        },
+        gateway: file.gateway.settings()?,
         standby: pair?,
-        lines: ready.into_iter().collect::<Option<Vec<_>>>()?,
-        listeners: listeners.collect::<Option<Vec<_>>>()?,
-        serial_masters: serial_masters?,
+        lines: lines.into_iter().collect::<Option<_>>()?,
+        listeners: listeners.collect::<Option<_>>()?,
+        serial_masters: masters?,
         mqtt: mqtt?,
         http: http?,
         // Computed from the text, which is not known here.
@@ -119,12 +101,7 @@ fn site_is_known(file: &ConfigFile, models: KnownModels<'_>, problems: &mut Vec<
         let what = format!(
             "{FILE_NAME} there cannot be used, so nothing that was qualified counts: {why}"
         );
-        problems.push(
-            dir.location
-                .problem(what)
-                .right("the file as it was, or none and new trials")
-                .warning(),
-        );
+        dir.warn(what, "the file as it was, or none and new trials", problems);
     }
 }
 
@@ -133,28 +110,14 @@ fn ready_journal(file: &ConfigFile, problems: &mut Vec<Problem>) -> Option<Journ
     if let (OptionalKey::Valid(journal), OptionalKey::Absent) =
         (&file.journal, &file.gateway.data_dir)
     {
-        let problem = journal
-            .location
-            .problem("has no effect: there is no journal without a data directory");
-        problems.push(
-            problem
-                .right("`data_dir` in `[gateway]`, or no `[journal]`")
-                .warning(),
+        journal.warn(
+            "has no effect: there is no journal without a data directory",
+            "`data_dir` in `[gateway]`, or no `[journal]`",
+            problems,
         );
     }
     let journal = file.journal.clone().optional()?.unwrap_or_default();
-    Some(JournalSettings {
-        max_bytes: journal.max_size()?,
-    })
-}
-
-/// The table converted by `settle`: `Some(None)` if it is left out; `None` if it is invalid, see `problems`.
-fn whole<T, U>(given: &OptionalKey<T>, settle: impl FnOnce(&T) -> Option<U>) -> Option<Option<U>> {
-    match given {
-        OptionalKey::Absent => Some(None),
-        OptionalKey::Invalid => None,
-        OptionalKey::Valid(written) => settle(&written.value).map(Some),
-    }
+    journal.settings()
 }
 
 /// Data that the catalog adds to a line as written.
@@ -174,80 +137,23 @@ struct DriveParts {
 /// Names of lines, names of drives and ports are unique.
 fn unique(file: &ConfigFile, problems: &mut Vec<Problem>) {
     let line_names = file.lines.iter().filter_map(|line| line.name.as_ref());
-    let drive_names = file
-        .lines
-        .iter()
-        .flat_map(|line| &line.drives)
-        .filter_map(|drive| drive.name.as_ref());
+    let drive_names = file.drives().filter_map(|drive| drive.name.as_ref());
     let ports = file.lines.iter().filter_map(|line| line.port.as_ref());
     let ports = ports.chain(file.serial.iter().filter_map(|serial| serial.port.as_ref()));
     let master_names = file.serial.iter().filter_map(|serial| serial.name.as_ref());
-    once(
-        master_names,
-        |name| name,
-        |name| format!("the name `{name}`"),
-        "a name that no other serial master uses",
-        problems,
-    );
-    once(
-        line_names,
-        |name| name,
-        |name| format!("the name `{name}`"),
-        "a name that no other line uses",
-        problems,
-    );
-    once(
-        drive_names,
-        |name| name,
-        |name| format!("the name `{name}`"),
-        "a name that no other drive of the gateway uses",
-        problems,
-    );
+    lists::names_differ(master_names, "serial master", problems);
+    lists::names_differ(line_names, "line", problems);
+    lists::names_differ(drive_names, "drive of the gateway", problems);
     let right = "a different port; drives on one bus belong to one line";
-    once(
-        ports,
-        PortAddress::place,
-        |port| format!("the port {port}"),
-        right,
-        problems,
-    );
-    let model_dirs = file
-        .gateway
-        .model_dirs
-        .valid()
-        .map_or(&[][..], |dirs| &dirs.value);
-    for (at, dir) in model_dirs.iter().enumerate() {
-        if model_dirs
-            .iter()
-            .take(at)
-            .any(|earlier| earlier.value == dir.value)
-        {
-            let problem = dir.location.problem(format!(
-                "the directory {} is listed twice",
-                dir.value.display()
-            ));
-            problems.push(problem.right("each directory once").warning());
+    let called = |port: &PortAddress| format!("the port {port}");
+    lists::differ(ports, PortAddress::place, called, right, problems);
+    let dirs = file.gateway.model_dirs.valid();
+    let dirs = dirs.map_or(&[][..], |dirs| &dirs.value);
+    for (at, dir) in dirs.iter().enumerate() {
+        if lists::has(dirs.iter().take(at), &dir.value) {
+            let what = format!("the directory {} is listed twice", dir.value.display());
+            dir.warn(what, "each directory once", problems);
         }
-    }
-}
-
-/// Each of `values` has a key of its own.
-fn once<'a, T: 'a, K: Ord>(
-    values: impl Iterator<Item = &'a LocatedValue<T>>,
-    key: impl Fn(&'a T) -> K,
-    called: impl Fn(&T) -> String,
-    right: &str,
-    problems: &mut Vec<Problem>,
-) {
-    let mut seen: BTreeMap<K, &KeyLocation> = BTreeMap::new();
-    for written in values {
-        let key = key(&written.value);
-        let Some(first) = seen.get(&key) else {
-            seen.insert(key, &written.location);
-            continue;
-        };
-        let what = format!("{} is taken by {}", called(&written.value), first.key);
-        problems.push(written.location.problem(what).right(right));
     }
 }
 
@@ -256,7 +162,7 @@ fn once<'a, T: 'a, K: Ord>(
 fn parts_of(
     line: &LineFile,
     models: KnownModels<'_>,
-    of_mqtt: Option<DriveDefaults>,
+    of_mqtt: Option<MqttDefaults>,
     problems: &mut Vec<Problem>,
 ) -> LineParts {
     let drives: Vec<_> = line
@@ -282,11 +188,11 @@ fn drive_parts(
     line: &LineFile,
     drive: &DriveFile,
     models: KnownModels<'_>,
-    of_mqtt: Option<DriveDefaults>,
+    of_mqtt: Option<MqttDefaults>,
     problems: &mut Vec<Problem>,
 ) -> DriveParts {
     let model = model_of(drive, models, problems);
-    let model = full_scale::settle(drive, model, problems);
+    let model = ratings::full_scale(drive, model, problems);
     let standing = standing(line, drive, model.as_deref(), models);
     let control = control::settle(
         (line, drive),
@@ -322,20 +228,12 @@ fn standing(
 }
 
 fn alone_on_rs232(line: &LineFile, problems: &mut Vec<Problem>) {
-    if let Some(interface) = line.interface.valid()
-        && interface.value == Interface::Rs232
-        && line.drives.len() > 1
+    let count = line.drives.len();
+    if let Some(interface) = line.interface.valid_as(&Interface::Rs232)
+        && count > 1
     {
-        let what = format!(
-            "RS-232 carries one drive, and this line has {}",
-            line.drives.len()
-        );
-        problems.push(
-            interface
-                .location
-                .problem(what)
-                .right("\"rs485\", or a line for each drive"),
-        );
+        let what = format!("RS-232 carries one drive, and this line has {count}");
+        interface.refuse(what, "\"rs485\", or a line for each drive", problems);
     }
 }
 
@@ -347,11 +245,9 @@ fn model_of(
 ) -> Option<Arc<Model>> {
     let written = drive.model.as_ref()?;
     let Some(model) = models.catalog.find(&written.value).cloned() else {
-        problems.extend(
-            models
-                .are_all
-                .then(|| unknown_model(written, models.catalog)),
-        );
+        if models.are_all {
+            problems.push(unknown_model(written, models.catalog));
+        }
         return None;
     };
     if drive.registers.is_empty() {
@@ -385,37 +281,25 @@ fn stations(line: &LineFile, parts: &[DriveParts], problems: &mut Vec<Problem>) 
         let Some(station) = &drive.station else {
             continue;
         };
+        let number = station.value;
         if port::is_modbus_tcp(line) {
             is_a_unit(station, problems);
-        } else if let Some(model) = parts
-            .model
-            .as_ref()
-            .filter(|it| !it.link.stations.value.contains(&station.value.0))
+        } else if let Some(model) = &parts.model
+            && !model.link.stations.value.contains(&number.0)
         {
             let range = &model.link.stations.value;
-            let what = format!("station {} cannot be set on {}", station.value, model.id);
-            problems.push(station.location.problem(what).right(format!(
-                "{} to {}",
-                range.start(),
-                range.end()
-            )));
+            let what = format!("station {number} cannot be set on {}", model.id);
+            let right = format!("{} to {}", range.start(), range.end());
+            station.refuse(what, right, problems);
         }
-        let Some(owner) = owners.get(&station.value) else {
-            owners.insert(station.value, drive);
+        let Some(owner) = owners.get(&number) else {
+            owners.insert(number, drive);
             continue;
         };
-        let what = format!(
-            "{} and {} both use station {}",
-            owner.label(),
-            drive.label(),
-            station.value
-        );
-        problems.push(
-            station
-                .location
-                .problem(what)
-                .right("a station that no other drive on the line uses"),
-        );
+        let (owner, drive) = (owner.label(), drive.label());
+        let what = format!("{owner} and {drive} both use station {number}");
+        let right = "a station that no other drive on the line uses";
+        station.refuse(what, right, problems);
     }
 }
 
@@ -423,10 +307,11 @@ fn stations(line: &LineFile, parts: &[DriveParts], problems: &mut Vec<Problem>) 
 /// guide V1.0b, 4.4.2.1): 255 and 0 stand for the device itself.
 fn is_a_unit(station: &LocatedValue<Station>, problems: &mut Vec<Problem>) {
     if (248..=254).contains(&station.value.0) {
-        let problem = station
-            .location
-            .problem(format!("the unit {} is reserved", station.value));
-        problems.push(problem.right("0 to 247, or 255, as the drive or the converter is set"));
+        station.refuse(
+            format!("the unit {} is reserved", station.value),
+            "0 to 247, or 255, as the drive or the converter is set",
+            problems,
+        );
     }
 }
 
@@ -441,45 +326,20 @@ fn ready_line(
         framing,
         interface,
     } = parts.settled?;
-    let shared = LineDefaults {
+    let defaults = LineDefaults {
         framing,
         reply_timeout: line.reply_timeout()?,
         max_lateness: line.port.as_ref()?.value.max_lateness(),
     };
     let drives = line.drives.iter().zip(parts.drives).zip(units);
-    let drives = drives.map(|((drive, parts), units)| ready_drive(drive, parts, &shared, *units));
-    let is_turned = port::why_not_turned(line).is_none();
-    Some(LineSettings {
-        name: line.name.as_ref()?.value.clone(),
-        port: line.port.as_ref()?.value.clone(),
-        link,
-        interface,
-        direction: line.direction().map(|turned| {
-            if is_turned {
-                turned
-            } else {
-                DirectionControl::Adapter
-            }
-        })?,
-        low_latency: line.low_latency()?,
-        framing,
-        echo: line.echo()?,
-        silence: line.silence()?,
-        min_request_gap: line.min_request_gap()?,
-        reply_timeout: shared.reply_timeout,
-        max_status_age: line.max_status_age()?,
-        standby: if line.standby()? { pair?.clone() } else { None },
-        drives: drives.collect::<Option<Vec<_>>>()?,
-    })
-}
-
-/// Defaults that drives take from their line.
-struct LineDefaults {
-    framing: Framing,
-    /// Reply time-out for drives without their own.
-    reply_timeout: Option<Duration>,
-    /// Minimum lateness for drives without their own setting.
-    max_lateness: Duration,
+    let drives = drives.map(|((drive, parts), units)| ready_drive(drive, parts, &defaults, *units));
+    let drives = drives.collect::<Option<_>>()?;
+    let direction = match (port::why_not_turned(line), line.direction()?) {
+        (None, direction) => direction,
+        (Some(_), _) => DirectionControl::Adapter,
+    };
+    let standby = if line.standby()? { pair?.clone() } else { None };
+    line.settings(link, framing, interface, direction, standby, drives)
 }
 
 fn ready_drive(
@@ -492,62 +352,7 @@ fn ready_drive(
         Framing::Rtu | Framing::Mbap => parts.model?,
         Framing::Ascii => Arc::new(parts.model?.on(line.framing)),
     };
-    Some(DriveSettings {
-        name: drive.name.as_ref()?.value.clone(),
-        station: drive.station.as_ref()?.value,
-        unit: units.native?,
-        uniform_unit: units.uniform?,
-        group: drive.group.clone().optional()?,
-        poll: drive.poll()?,
-        reply_timeout: drive.reply_timeout.or(line.reply_timeout)?,
-        max_lateness: drive.max_lateness.or(model
-            .timing
-            .max_lateness
-            .value
-            .max(line.max_lateness))?,
-        control: parts.control?,
-        ratings: parts.ratings?,
-        points: parts.points?,
-        model,
-    })
-}
-
-fn ready_listener(listener: &ListenerFile, served: BTreeSet<usize>) -> Option<ListenerSettings> {
-    let lines = listener
-        .lines
-        .clone()
-        .optional()?
-        .map(|_| served.into_iter().collect());
-    let stop = match &listener.stop {
-        OptionalKey::Absent => None,
-        given => Some(lists::values(given)?),
-    };
-    let allow = listener.allow.clone().optional()?;
-    let tls = listener_tls::settle(listener)?;
-    let write = match (&listener.write, &tls) {
-        (OptionalKey::Absent, Some(tls)) => listener_tls::networks(allow.as_deref(), tls),
-        (write, _) => lists::values(write)?,
-    };
-    Some(ListenerSettings {
-        listen: listener.listen.as_ref()?.value,
-        allow,
-        lines,
-        write,
-        stop,
-        reads_renew: listener.reads_renew()?,
-        cached: listener.cached()?,
-        units: match &listener.units {
-            OptionalKey::Absent => None,
-            given => Some(lists::values(given)?),
-        },
-        connections_max: listener
-            .connections_max
-            .clone()
-            .optional()?
-            .map(|most| most as usize),
-        priority: lists::values(&listener.priority)?,
-        idle_timeout: Some(listener.idle_timeout()?).filter(|time| !time.is_zero()),
-        keep_alive: Some(listener.keep_alive()?).filter(|time| !time.is_zero()),
-        tls,
-    })
+    let units = (units.native?, units.uniform?);
+    let (control, ratings, points) = (parts.control?, parts.ratings?, parts.points?);
+    drive.settings(model, units, line, control, ratings, points)
 }

@@ -1,13 +1,14 @@
 //! Serial masters: their link, and the time that they leave for an answer.
 
-use super::file::{ConfigFile, SerialFile};
-use super::lists;
-use super::ready::{ListenerSettings, PortAddress};
-use super::ready_serial::SerialMasterSettings;
+use super::file::{ConfigFile, ListenerFile, SerialFile};
+use super::link;
+use super::listen;
+use super::port;
+use super::ready::{ListenerSettings, PortAddress, SerialMasterSettings};
 use crate::domain::link::{DirectionControl, Framing, LinkSettings};
 use crate::domain::problem::Problem;
 use crate::north::modbus::serial;
-use crate::toml_file::OptionalKey;
+use crate::toml_file::LocatedValue;
 use crate::toml_file::values::duration_text;
 use std::collections::BTreeSet;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -33,166 +34,104 @@ fn one(
     lines: &BTreeSet<usize>,
     problems: &mut Vec<Problem>,
 ) -> Option<SerialMasterSettings> {
-    if let Some(port) = serial
-        .port
-        .as_ref()
-        .filter(|port| !port.value.is_serial_line())
+    if let Some(port) = &serial.port
+        && !port.value.is_serial_line()
     {
-        let problem = port
-            .location
-            .problem("a serial master cannot be reached over Modbus TCP");
-        problems.push(problem.right(
-            "its serial device or `tcp://`; Modbus TCP clients connect to a `[[modbus_tcp]]`",
-        ));
+        let right =
+            "its serial device or `tcp://`; Modbus TCP clients connect to a `[[modbus_tcp]]`";
+        port.refuse(
+            "a serial master cannot be reached over Modbus TCP",
+            right,
+            problems,
+        );
         return None;
     }
     may_stop(serial, problems);
     may_renew(serial, problems);
     let framing = serial.framing();
-    if let (OptionalKey::Valid(bits), Some(Framing::Rtu)) = (&serial.data_bits, framing)
-        && bits.value != 8
-    {
-        problems.push(
-            bits.location
-                .problem("RTU frames need 8 data bits")
-                .right("8, or leave it out"),
-        );
+    if !link::rtu_has_bytes(&serial.data_bits, framing, problems) {
         return None;
     }
     let is_tcp =
         matches!(&serial.port, Some(port) if matches!(port.value, PortAddress::Tcp { .. }));
-    may_turn(serial, is_tcp, problems);
+    // Only a serial line has a direction that is turned from here.
+    if is_tcp && let Some(direction) = serial.direction.valid() {
+        let what = format!("has no effect: {}", port::TURNED_ELSEWHERE);
+        direction.warn(what, "leave it out", problems);
+    }
     let link = LinkSettings {
         baud: serial.baud.as_ref()?.value,
         data_bits: serial.data_bits()?,
         parity: serial.parity.as_ref()?.value,
         stop_bits: serial.stop_bits()?,
     };
-    let framing = framing?;
-    let answer_within = answer_within(serial, link, framing, problems)?;
-    let direction = serial.direction()?;
-    Some(SerialMasterSettings {
-        name: serial.name.as_ref()?.value,
-        port: serial.port.as_ref()?.value.clone(),
-        link,
-        framing,
-        direction: if is_tcp {
-            DirectionControl::Adapter
-        } else {
-            direction
-        },
-        low_latency: serial.low_latency()?,
-        answer_within,
-        serving: serving(serial, lines)?,
-    })
+    leaves_time(serial, link, framing?, problems)?;
+    let direction = match (is_tcp, serial.direction()?) {
+        (true, _) => DirectionControl::Adapter,
+        (false, direction) => direction,
+    };
+    serial.settings(link, direction, serving(serial, lines)?)
 }
 
 /// Who may start must be allowed to stop.
 fn may_stop(serial: &SerialFile, problems: &mut Vec<Problem>) {
-    if let (OptionalKey::Valid(write), OptionalKey::Valid(stop)) =
-        (&serial.allow_write, &serial.allow_stop)
-        && write.value
-        && !stop.value
+    if serial.allow_write.valid_as(&true).is_some()
+        && let Some(stop) = serial.allow_stop.valid_as(&false)
     {
-        let problem = stop
-            .location
-            .problem("a master that may start must be allowed to stop");
-        problems.push(problem.right("true, or leave it out"));
-    }
-}
-
-/// Only a serial line has a direction that is turned from here.
-fn may_turn(serial: &SerialFile, is_tcp: bool, problems: &mut Vec<Problem>) {
-    if is_tcp && let Some(direction) = serial.direction.valid() {
-        let what =
-            "has no effect: the direction is turned by the serial device server, not from here";
-        problems.push(
-            direction
-                .location
-                .problem(what)
-                .right("leave it out")
-                .warning(),
-        );
+        let what = "a master that may start must be allowed to stop";
+        stop.refuse(what, "true, or leave it out", problems);
     }
 }
 
 /// Only who may write has a lease to renew.
 fn may_renew(serial: &SerialFile, problems: &mut Vec<Problem>) {
-    let may_write = !matches!(serial.allow_write(), Some(false));
-    if let Some(renew) = serial
-        .reads_renew
-        .valid()
-        .filter(|renew| renew.value && !may_write)
+    if let Some(renew) = serial.reads_renew.valid_as(&true)
+        && serial.allow_write() == Some(false)
     {
         let what = "has no effect: the master may not write, so there is no lease to renew";
-        problems.push(
-            renew
-                .location
-                .problem(what)
-                .right("`allow_write = true`, or leave it out")
-                .warning(),
-        );
+        renew.warn(what, "`allow_write = true`, or leave it out", problems);
     }
 }
 
-/// The time that is left for an answer; `None` if it is too short on such a link, see `problems`.
-fn answer_within(
+/// The time that is left for an answer is long enough on such a link; `None` if not, see `problems`.
+fn leaves_time(
     serial: &SerialFile,
     link: LinkSettings,
     framing: Framing,
     problems: &mut Vec<Problem>,
-) -> Option<Duration> {
+) -> Option<()> {
     let answer_within = serial.answer_within()?;
     let least = serial::least_answer_within(link, framing);
-    if answer_within < least {
-        let location = match &serial.answer_within {
-            OptionalKey::Valid(written) => written.location.clone(),
-            _ => serial.location.missing("answer_within"),
-        };
-        let what = format!(
-            "{} is too short at {link}: the silence before an exception and the exception itself take longer",
-            duration_text(answer_within)
-        );
-        let rounded = Duration::from_millis(
-            u64::try_from(least.as_millis())
-                .unwrap_or(u64::MAX)
-                .saturating_add(1),
-        );
-        problems.push(
-            location
-                .problem(what)
-                .right(format!("at least \"{}\"", duration_text(rounded))),
-        );
-        return None;
+    if answer_within >= least {
+        return Some(());
     }
-    Some(answer_within)
+    let missing = serial.location.missing("answer_within");
+    let location = serial.answer_within.location().unwrap_or(&missing);
+    let what = format!(
+        "{} is too short at {link}: the silence before an exception and the exception itself take longer",
+        duration_text(answer_within)
+    );
+    let rounded = u64::try_from(least.as_millis()).unwrap_or(u64::MAX);
+    let rounded = Duration::from_millis(rounded.saturating_add(1));
+    let right = format!("at least \"{}\"", duration_text(rounded));
+    location.refuse(what, right, problems);
+    None
 }
 
+/// What the master is served, as by a listener without limits on connections, whose one client has priority.
 fn serving(serial: &SerialFile, lines: &BTreeSet<usize>) -> Option<ListenerSettings> {
-    let file = serial.as_listener();
+    let file = ListenerFile {
+        listen: Some(LocatedValue {
+            value: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)),
+            location: serial.location.clone(),
+        }),
+        ..serial.as_listener()
+    };
+    let settings = listen::settings(&file, lines)?;
     Some(ListenerSettings {
-        listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)),
-        allow: None,
-        lines: file
-            .lines
-            .clone()
-            .optional()?
-            .map(|_| lines.iter().copied().collect()),
-        write: lists::values(&file.write)?,
-        stop: match &file.stop {
-            OptionalKey::Absent => None,
-            given => Some(lists::values(given)?),
-        },
-        reads_renew: serial.reads_renew()?,
-        cached: serial.cached()?,
-        units: match &file.units {
-            OptionalKey::Absent => None,
-            given => Some(lists::values(given)?),
-        },
-        connections_max: None,
-        priority: lists::values(&file.write)?,
+        priority: settings.write.clone(),
         idle_timeout: None,
         keep_alive: None,
-        tls: None,
+        ..settings
     })
 }

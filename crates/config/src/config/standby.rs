@@ -8,7 +8,7 @@ use crate::domain::control::BusFunctions;
 use crate::domain::link::{DirectionControl, Interface};
 use crate::domain::problem::Problem;
 use crate::domain::standby::{OnGatewayLost, StandbyPair};
-use crate::toml_file::values::duration_text;
+use crate::toml_file::values::{ValueKind, duration_text};
 use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
 use crate::wire::signal;
 use std::time::Duration;
@@ -21,94 +21,52 @@ pub(super) fn settle(
 ) -> Option<StandbyPair> {
     let is_on = |line: &LineFile| line.standby().unwrap_or(true);
     if !file.lines.is_empty() && !file.lines.iter().any(is_on) {
-        let problem = standby
-            .location
-            .problem("has no effect: no line has `standby = true`");
-        problems.push(
-            problem
-                .right("`standby = true` in each `[[line]]` that the other gateway is on")
-                .warning(),
-        );
+        let what = "has no effect: no line has `standby = true`";
+        let right = "`standby = true` in each `[[line]]` that the other gateway is on";
+        standby.location.warn(what, right, problems);
     }
-    let (half, partner) = (standby.half.as_ref(), standby.partner.as_ref());
-    if let (Some(half), Some(partner)) = (half, partner)
+    if let (Some(half), Some(partner)) = (&standby.half, &standby.partner)
         && half.value == partner.value
     {
-        let problem = partner.location.problem(format!(
-            "`{}` is the name of this gateway itself",
-            half.value
-        ));
-        problems.push(problem.right("the `half` of the other gateway"));
+        let what = format!("`{}` is the name of this gateway itself", half.value);
+        let right = "the `half` of the other gateway";
+        partner.refuse(what, right, problems);
     }
-    Some(StandbyPair {
-        half: half?.value.clone(),
-        partner: partner?.value.clone(),
-        rank: standby.rank()?,
-        take_over_after: standby.take_over_after()?,
-    })
+    standby.settings()
 }
 
 /// Each line that has a second gateway can have one.
 pub(super) fn check(file: &ConfigFile, problems: &mut Vec<Problem>) {
     for line in &file.lines {
-        let Some(LocatedValue { location, .. }) = shared(line) else {
+        let Some(shared) = line.standby.valid_as(&true) else {
             continue;
         };
-        if matches!(file.standby, OptionalKey::Absent) {
-            let problem = location
-                .problem("there is no `[standby]`, which names the two gateways of the line");
-            problems.push(problem.right("`[standby]` with `half` and `partner`, or leave it out"));
+        if file.standby.is_absent() {
+            let what = "there is no `[standby]`, which names the two gateways of the line";
+            let right = "`[standby]` with `half` and `partner`, or leave it out";
+            shared.refuse(what, right, problems);
         }
         if let Some(why) = why_not_heard(line) {
+            let what = format!("a second gateway would hear nothing: {why}");
             let right = "leave it out; two gateways need RS-485 at a serial device of each";
-            problems.push(
-                location
-                    .problem(format!("a second gateway would hear nothing: {why}"))
-                    .right(right),
-            );
+            shared.refuse(what, right, problems);
         }
-        if let Some(rts) = line
-            .direction
-            .valid()
-            .filter(|it| it.value == DirectionControl::Rts)
-        {
+        if let Some(rts) = line.direction.valid_as(&DirectionControl::Rts) {
             let what = "with a second gateway: a program that is suspended while it holds RTS keeps the other one from sending";
-            problems.push(
-                rts.location
-                    .problem(what)
-                    .right("\"adapter\" or \"kernel\""),
-            );
+            rts.refuse(what, "\"adapter\" or \"kernel\"", problems);
         }
-        let stations = line
-            .drives
-            .iter()
-            .filter_map(|drive| drive.station.as_ref());
+        let stations = line.drives.iter().filter_map(|it| it.station.as_ref());
         for station in stations.filter(|station| station.value == signal::STATION) {
-            let what = format!(
-                "the gateways of a line use station {} for themselves",
-                station.value
-            );
-            problems.push(
-                station
-                    .location
-                    .problem(what)
-                    .right("another station of the drive"),
-            );
+            let number = station.value;
+            let what = format!("the gateways of a line use station {number} for themselves");
+            station.refuse(what, "another station of the drive", problems);
         }
     }
 }
 
-/// The key of `line` that says that it has a second gateway, if it says so.
-fn shared(line: &LineFile) -> Option<&LocatedValue<bool>> {
-    line.standby.valid().filter(|standby| standby.value)
-}
-
 /// Why a second gateway could not hear what is sent on `line`.
 fn why_not_heard(line: &LineFile) -> Option<&'static str> {
-    let is_rs232 = line
-        .interface
-        .valid()
-        .is_some_and(|interface| interface.value == Interface::Rs232);
+    let is_rs232 = line.interface.valid_as(&Interface::Rs232).is_some();
     match line.port.as_ref().map(|port| &port.value) {
         Some(PortAddress::Tcp { .. }) => {
             Some("a serial device server passes on only what its drives send")
@@ -134,23 +92,18 @@ pub(super) fn on_lost(
     match &file.on_gateway_lost {
         OptionalKey::Invalid => None,
         OptionalKey::Absent if is_shared => {
-            let problem = location.missing("on_gateway_lost").problem(
-                "`on_gateway_lost` is missing: the line has a second gateway, which may have ordered the drive to run",
-            );
-            problems.push(problem.right(words::on_gateway_lost().right()));
+            let what = "`on_gateway_lost` is missing: the line has a second gateway, which may have ordered the drive to run";
+            let kind = ValueKind::choice(&words::ON_GATEWAY_LOST, words::of_gateway_lost);
+            let location = location.missing("on_gateway_lost");
+            location.refuse(what, kind.right(), problems);
             None
         }
         OptionalKey::Absent => Some(None),
         OptionalKey::Valid(written) if is_shared => Some(Some(written.value)),
         OptionalKey::Valid(written) => {
-            let problem = written
-                .location
-                .problem("has no effect: the line has no second gateway");
-            problems.push(
-                problem
-                    .right("leave it out, or `standby = true` in the `[[line]]`")
-                    .warning(),
-            );
+            let what = "has no effect: the line has no second gateway";
+            let right = "leave it out, or `standby = true` in the `[[line]]`";
+            written.warn(what, right, problems);
             Some(None)
         }
     }
@@ -158,20 +111,20 @@ pub(super) fn on_lost(
 
 /// A drive that is started and stopped at its terminals, as `bus` says, cannot be promised to be stopped by a take-over.
 pub(super) fn wired(file: &ControlFile, bus: BusFunctions, problems: &mut Vec<Problem>) {
-    let stops = |lost: &&LocatedValue<OnGatewayLost>| {
-        matches!(lost.value, OnGatewayLost::Stop | OnGatewayLost::Coast)
-    };
-    if let Some(lost) = file.on_gateway_lost.valid().filter(stops) {
-        let what = format!(
-            "the drive is started and stopped elsewhere (bus = \"{}\"), so this cannot be relied on",
-            bus.keyword()
-        );
-        problems.push(
-            lost.location
-                .problem(what)
-                .right("\"hold\" or \"adopt\", or bus = \"both\""),
-        );
+    if let Some(lost) = file.on_gateway_lost.valid()
+        && matches!(lost.value, OnGatewayLost::Stop | OnGatewayLost::Coast)
+    {
+        let right = "\"hold\" or \"adopt\", or bus = \"both\"";
+        lost.refuse(stopped_elsewhere(bus), right, problems);
     }
+}
+
+/// Why a stop over the bus cannot be promised.
+pub(super) fn stopped_elsewhere(bus: BusFunctions) -> String {
+    format!(
+        "the drive is started and stopped elsewhere (bus = \"{}\"), so this cannot be relied on",
+        bus.keyword()
+    )
 }
 
 /// The configured silence is no shorter than `line` needs: else both gateways might send.
@@ -193,11 +146,9 @@ pub(super) fn has_time(file: &ConfigFile, line: &LineSettings, problems: &mut Ve
             duration_text(*given),
             line.name
         );
-        let right = format!(
-            "at least \"{}\", or \"auto\"",
-            duration_text(whole_millis(shortest))
-        );
-        problems.push(location.problem(what).right(right));
+        let shortest = duration_text(whole_millis(shortest));
+        let right = format!("at least \"{shortest}\", or \"auto\"");
+        location.refuse(what, right, problems);
     }
 }
 

@@ -29,20 +29,17 @@ pub(super) fn settle(
     let servers = file.units_servers();
     let shared = shared_lines(served, &servers);
     let mut free = FreeUnits::new(file, &shared);
-    let units: Vec<Vec<DriveUnits>> = file
-        .lines
-        .iter()
-        .enumerate()
-        .map(|(index, line)| {
-            let with = shared.get(&index).copied();
-            let may_be_the_device = port::is_modbus_tcp(line);
-            let units = line
-                .drives
-                .iter()
-                .map(|drive| units_of(drive, with, may_be_the_device, &mut free, problems));
-            units.collect()
-        })
-        .collect();
+    let mut units: Vec<Vec<DriveUnits>> = Vec::new();
+    for (index, line) in file.lines.iter().enumerate() {
+        let with = shared.get(&index).copied();
+        let may_be_the_device = port::is_modbus_tcp(line);
+        let of_line = line.drives.iter().map(|drive| {
+            let native = native_of(drive, with, may_be_the_device, &mut free, problems);
+            let uniform = uniform_of(drive, native, &mut free, problems);
+            DriveUnits { native, uniform }
+        });
+        units.push(of_line.collect());
+    }
     let mut reported = BTreeSet::new();
     for lines in served {
         told_apart(file, lines, &units, &mut free, &mut reported, problems);
@@ -68,20 +65,6 @@ fn shared_lines<'a>(
     shared
 }
 
-fn units_of(
-    drive: &DriveFile,
-    shared: Option<&ListenerFile>,
-    may_be_the_device: bool,
-    free: &mut FreeUnits,
-    problems: &mut Vec<Problem>,
-) -> DriveUnits {
-    let native = native_of(drive, shared, may_be_the_device, free, problems);
-    DriveUnits {
-        native,
-        uniform: uniform_of(drive, native, free, problems),
-    }
-}
-
 /// The native unit: as written, or the station if the line shares its listeners with no other line. The station
 /// `may_be_the_device` itself: 0 or 255, which is no unit here.
 fn native_of(
@@ -99,32 +82,22 @@ fn native_of(
     // Every valid station of a serial line is a valid unit, so an invalid one is already reported as a station.
     let written = drive.station.as_ref();
     let station = written.and_then(|station| UnitId::new(station.value.0));
-    let Some(listener) = shared else {
-        if let Some(beyond) =
-            written.filter(|it| may_be_the_device && matches!(it.value.0, 0 | u8::MAX))
-        {
-            let what = format!(
-                "`unit` is left out, and station {} is no unit of a listener",
-                beyond.value
-            );
-            problems.push(free.native_instead(
-                drive.location.missing("unit").problem(what),
-                drive,
-                None,
-            ));
-        }
-        return station;
-    };
-    let what = format!(
-        "`unit` is left out, and {} serves more than one line",
-        listener.label()
-    );
-    problems.push(free.native_instead(
-        drive.location.missing("unit").problem(what),
-        drive,
-        station,
-    ));
-    None
+    let missing = drive.location.missing("unit");
+    if let Some(listener) = shared {
+        let listener = listener.label();
+        let what = format!("`unit` is left out, and {listener} serves more than one line");
+        problems.push(free.native_instead(missing.problem(what), drive, station));
+        return None;
+    }
+    if let Some(beyond) = written
+        && may_be_the_device
+        && matches!(beyond.value.0, 0 | u8::MAX)
+    {
+        let station = beyond.value;
+        let what = format!("`unit` is left out, and station {station} is no unit of a listener");
+        problems.push(free.native_instead(missing.problem(what), drive, None));
+    }
+    station
 }
 
 /// The uniform unit: as written, or the native one plus the default distance.
@@ -190,15 +163,13 @@ struct UnitClaim<'a> {
 
 impl UnitClaim<'_> {
     fn is_default(&self) -> bool {
-        matches!(self.side.given(self.drive), OptionalKey::Absent)
+        self.side.given(self.drive).is_absent()
     }
 
     fn location(&self) -> KeyLocation {
-        match self.side.given(self.drive) {
-            OptionalKey::Valid(written) => written.location.clone(),
-            OptionalKey::Absent | OptionalKey::Invalid => {
-                self.drive.location.missing(self.side.key())
-            }
+        match self.side.given(self.drive).location() {
+            Some(written) => written.clone(),
+            None => self.drive.location.missing(self.side.key()),
         }
     }
 
@@ -312,7 +283,7 @@ impl FreeUnits {
         drive: &DriveFile,
         wanted: Option<UnitId>,
     ) -> Problem {
-        let follows = matches!(drive.uniform_unit, OptionalKey::Absent);
+        let follows = drive.uniform_unit.is_absent();
         let fits = |unit: &UnitId| {
             !follows || default_uniform(*unit).is_some_and(|it| !self.used.contains(&it))
         };

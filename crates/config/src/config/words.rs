@@ -1,14 +1,13 @@
 //! Words that only the configuration uses: one table each, for reading and printing.
 
-use super::ready::RemovalRule;
-use super::ready_http::PageViewers;
+use super::ready::{PageViewers, RemovalRule};
 use crate::domain::command::Direction;
 use crate::domain::control::{BusFunctions, ControlAction, FailSafe, OnOutputOutside, Ownership};
 use crate::domain::link::DirectionControl;
 use crate::domain::standby::OnGatewayLost;
 use crate::north::mqtt::{CombinedEntity, LeaseMode, TopicTree};
 use crate::north::operator::rights::UserRole;
-use crate::toml_file::values::ValueKind;
+use crate::toml_file::words::word_for;
 
 /// An interface that accepts commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,28 +22,6 @@ pub enum CommandInterface {
     Sparkplug,
 }
 
-impl CommandInterface {
-    /// Its meaning for a drive, for messages.
-    pub const fn meaning(self) -> &'static str {
-        match self {
-            Self::Mqtt => "clients of the broker in `[mqtt]` command",
-            Self::ModbusTcp => {
-                "clients of a `[[modbus_tcp]]` command, as far as its `write` lets them"
-            }
-            Self::Page => "users of `[http]` command from the page",
-            Self::Sparkplug => "hosts of Sparkplug B command",
-        }
-    }
-}
-
-/// Interfaces that accept commands.
-pub const WAYS: [(&str, CommandInterface); 4] = [
-    ("mqtt", CommandInterface::Mqtt),
-    ("modbus-tcp", CommandInterface::ModbusTcp),
-    ("page", CommandInterface::Page),
-    ("sparkplug", CommandInterface::Sparkplug),
-];
-
 /// A right of a Modbus Security role besides reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RoleRight {
@@ -54,19 +31,130 @@ pub enum RoleRight {
     Stop,
 }
 
-impl RoleRight {
-    /// Its meaning, for messages.
-    pub const fn meaning(self) -> &'static str {
-        match self {
-            Self::Write => "starts, sets and writes",
-            Self::Stop => "stops",
-        }
+/// A value that a file writes as a word.
+pub(super) trait FileWord {
+    /// The word that stands for it in a file.
+    fn word(&self) -> &'static str;
+}
+
+impl FileWord for TopicTree {
+    fn word(&self) -> &'static str {
+        self.keyword()
     }
 }
 
-/// Rights of roles.
-pub const ROLE_RIGHTS: [(&str, RoleRight); 2] =
-    [("write", RoleRight::Write), ("stop", RoleRight::Stop)];
+/// Declares enumerations whose words decide what a motor does and who moves it: the table of each with its words, and a
+/// function with what each value means, for messages.
+macro_rules! choices {
+    ($(
+        $(#[$about:meta])*
+        $table:ident, $meaning:ident: $kind:ident, $count:literal {
+            $($value:ident $word:expr => $means:literal,)+
+        }
+    )+) => {$(
+        $(#[$about])*
+        pub const $table: [(&str, $kind); $count] = [$(($word, $kind::$value)),+];
+
+        /// What a value means, for messages.
+        #[must_use]
+        pub const fn $meaning(value: $kind) -> &'static str {
+            match value {
+                $($kind::$value => $means,)+
+            }
+        }
+
+        impl FileWord for $kind {
+            fn word(&self) -> &'static str {
+                word_for(&$table, self)
+            }
+        }
+    )+};
+}
+
+choices! {
+    /// Interfaces that accept commands.
+    WAYS, of_way: CommandInterface, 4 {
+        Mqtt "mqtt" => "clients of the broker in `[mqtt]` command",
+        ModbusTcp "modbus-tcp" => "clients of a `[[modbus_tcp]]` command, as far as its `write` lets them",
+        Page "page" => "users of `[http]` command from the page",
+        Sparkplug "sparkplug" => "hosts of Sparkplug B command",
+    }
+
+    /// Rights of roles.
+    ROLE_RIGHTS, of_right: RoleRight, 2 {
+        Write "write" => "starts, sets and writes",
+        Stop "stop" => "stops",
+    }
+
+    /// Who sees the drives on the page.
+    VIEWERS, of_viewers: PageViewers, 2 {
+        Anyone "anyone" => "every client in `allow`",
+        SignedIn "signed-in" => "users who have signed in",
+    }
+
+    /// Directions.
+    DIRECTIONS, of_direction: Direction, 2 {
+        Forward "forward" => "the motor may run forward",
+        Reverse "reverse" => "the motor may run in reverse",
+    }
+
+    /// Fail-safe actions.
+    FAIL_SAFES, of_fail_safe: FailSafe, 3 {
+        Stop FailSafe::Stop.keyword() => "the motor is stopped by its ramp",
+        Coast FailSafe::Coast.keyword() => "the output is cut off, the motor coasts",
+        Hold FailSafe::Hold.keyword() => "no action: a running motor keeps running",
+    }
+
+    /// Values of `on_output_outside`.
+    ON_OUTPUT_OUTSIDE, of_output_outside: OnOutputOutside, 2 {
+        Alarm OnOutputOutside::Alarm.keyword() => "an alarm is raised",
+        Stop OnOutputOutside::Stop.keyword() => "the motor is stopped as well",
+    }
+
+    /// Actions of a gateway that takes a line over.
+    ON_GATEWAY_LOST, of_gateway_lost: OnGatewayLost, 4 {
+        Stop OnGatewayLost::Stop.keyword() => "the motor is stopped by its ramp",
+        Coast OnGatewayLost::Coast.keyword() => "the output is cut off, the motor coasts",
+        Hold OnGatewayLost::Hold.keyword() => "no action: a running motor keeps running",
+        Adopt OnGatewayLost::Adopt.keyword() =>
+            "a running motor keeps running for `lost_after`, then `on_commander_lost` follows",
+    }
+
+    /// Actions of a reload that would remove a drive in use.
+    REMOVALS, of_removal: RemovalRule, 2 {
+        Refuse "refuse" => "the reload is refused, the motor keeps running",
+        Stop "stop" => "the motor is stopped first",
+    }
+
+    /// Which functions come over the bus.
+    BUS_FUNCTIONS, of_bus: BusFunctions, 3 {
+        Both BusFunctions::Both.keyword() => "run commands and the setpoint",
+        Frequency BusFunctions::Frequency.keyword() =>
+            "the setpoint alone; start and stop are wired, and a stop over the bus may have no effect",
+        Run BusFunctions::Run.keyword() => "run commands alone; the setpoint is wired",
+    }
+
+    /// Actions that may depend on an unproven fact.
+    ACTIONS, of_action: ControlAction, 5 {
+        Basic ControlAction::Basic.keyword() => "stopping, running forward and setting the frequency",
+        Reverse ControlAction::Reverse.keyword() => "running in reverse",
+        Reset ControlAction::Reset.keyword() => "resetting a trip",
+        Coast ControlAction::Coast.keyword() => "cutting the output off",
+        Release ControlAction::Release.keyword() => "handing control back to panel and terminals",
+    }
+
+    /// Who may command while a client holds control.
+    OWNERSHIPS, of_ownership: Ownership, 2 {
+        One "one" => "only the client that holds control commands",
+        Any "any" => "control passes to the client that commands last",
+    }
+
+    /// What renews a lease over MQTT.
+    LEASES, of_lease: LeaseMode, 2 {
+        Session "session" => "control lasts as long as the path through the broker",
+        Explicit "explicit" => "control lasts only as long as it is renewed",
+    }
+}
 
 /// Roles of the page's users.
 pub const ROLES: [(&str, UserRole); 4] = [
@@ -76,144 +164,12 @@ pub const ROLES: [(&str, UserRole); 4] = [
     (UserRole::Setup.keyword(), UserRole::Setup),
 ];
 
-/// Who sees the drives on the page.
-pub const VIEWERS: [(&str, PageViewers); 2] = [
-    ("anyone", PageViewers::Anyone),
-    ("signed-in", PageViewers::SignedIn),
-];
-
-impl PageViewers {
-    /// Its meaning, for messages.
-    pub const fn meaning(self) -> &'static str {
-        match self {
-            Self::Anyone => "every client in `allow`",
-            Self::SignedIn => "users who have signed in",
-        }
-    }
-}
-
-/// Directions.
-pub const DIRECTIONS: [(&str, Direction); 2] = [
-    ("forward", Direction::Forward),
-    ("reverse", Direction::Reverse),
-];
-
-/// The meaning of a direction, for messages.
-pub(super) const fn of_direction(direction: Direction) -> &'static str {
-    match direction {
-        Direction::Forward => "the motor may run forward",
-        Direction::Reverse => "the motor may run in reverse",
-    }
-}
-
 /// What switches the direction of an RS-485 adapter.
 pub const DIRECTION_CONTROLS: [(&str, DirectionControl); 3] = [
     ("adapter", DirectionControl::Adapter),
     ("kernel", DirectionControl::Kernel),
     ("rts", DirectionControl::Rts),
 ];
-
-/// Fail-safe actions.
-pub const FAIL_SAFES: [(&str, FailSafe); 3] = [
-    (FailSafe::Stop.keyword(), FailSafe::Stop),
-    (FailSafe::Coast.keyword(), FailSafe::Coast),
-    (FailSafe::Hold.keyword(), FailSafe::Hold),
-];
-
-/// Values of `on_output_outside`.
-pub const ON_OUTPUT_OUTSIDE: [(&str, OnOutputOutside); 2] = [
-    (OnOutputOutside::Alarm.keyword(), OnOutputOutside::Alarm),
-    (OnOutputOutside::Stop.keyword(), OnOutputOutside::Stop),
-];
-
-/// The effect of each action on an output outside its limits, for messages.
-#[must_use]
-pub const fn of_output_outside(action: OnOutputOutside) -> &'static str {
-    match action {
-        OnOutputOutside::Alarm => "an alarm is raised",
-        OnOutputOutside::Stop => "the motor is stopped as well",
-    }
-}
-
-/// The effect of a fail-safe action, for messages.
-#[must_use]
-pub const fn of_fail_safe(action: FailSafe) -> &'static str {
-    match action {
-        FailSafe::Stop => "the motor is stopped by its ramp",
-        FailSafe::Coast => "the output is cut off, the motor coasts",
-        FailSafe::Hold => "no action: a running motor keeps running",
-    }
-}
-
-/// Actions of a gateway that takes a line over.
-const ON_GATEWAY_LOST: [(&str, OnGatewayLost); 4] = [
-    (OnGatewayLost::Stop.keyword(), OnGatewayLost::Stop),
-    (OnGatewayLost::Coast.keyword(), OnGatewayLost::Coast),
-    (OnGatewayLost::Hold.keyword(), OnGatewayLost::Hold),
-    (OnGatewayLost::Adopt.keyword(), OnGatewayLost::Adopt),
-];
-
-/// One of the actions of a gateway that takes a line over.
-pub(super) fn on_gateway_lost() -> ValueKind<'static, OnGatewayLost> {
-    ValueKind::choice(&ON_GATEWAY_LOST, |action| match action {
-        OnGatewayLost::Stop => "the motor is stopped by its ramp",
-        OnGatewayLost::Coast => "the output is cut off, the motor coasts",
-        OnGatewayLost::Hold => "no action: a running motor keeps running",
-        OnGatewayLost::Adopt => {
-            "a running motor keeps running for `lost_after`, then `on_commander_lost` follows"
-        }
-    })
-}
-
-/// The effect on a drive that a reload would remove, for messages.
-pub(super) const fn of_removal(removal: RemovalRule) -> &'static str {
-    match removal {
-        RemovalRule::Refuse => "the reload is refused, the motor keeps running",
-        RemovalRule::Stop => "the motor is stopped first",
-    }
-}
-
-/// Actions of a reload that would remove a drive in use.
-pub const REMOVALS: [(&str, RemovalRule); 2] =
-    [("refuse", RemovalRule::Refuse), ("stop", RemovalRule::Stop)];
-
-/// Which functions come over the bus.
-pub const BUS_FUNCTIONS: [(&str, BusFunctions); 3] = [
-    (BusFunctions::Both.keyword(), BusFunctions::Both),
-    (BusFunctions::Frequency.keyword(), BusFunctions::Frequency),
-    (BusFunctions::Run.keyword(), BusFunctions::Run),
-];
-
-/// What comes over the bus.
-pub(super) const fn of_bus(bus: BusFunctions) -> &'static str {
-    match bus {
-        BusFunctions::Both => "run commands and the setpoint",
-        BusFunctions::Frequency => {
-            "the setpoint alone; start and stop are wired, and a stop over the bus may have no effect"
-        }
-        BusFunctions::Run => "run commands alone; the setpoint is wired",
-    }
-}
-
-/// Actions that may depend on an unproven fact.
-pub const ACTIONS: [(&str, ControlAction); 5] = [
-    (ControlAction::Basic.keyword(), ControlAction::Basic),
-    (ControlAction::Reverse.keyword(), ControlAction::Reverse),
-    (ControlAction::Reset.keyword(), ControlAction::Reset),
-    (ControlAction::Coast.keyword(), ControlAction::Coast),
-    (ControlAction::Release.keyword(), ControlAction::Release),
-];
-
-/// The meaning of an unproven action, for messages.
-pub(super) const fn of_action(action: ControlAction) -> &'static str {
-    match action {
-        ControlAction::Basic => "stopping, running forward and setting the frequency",
-        ControlAction::Reverse => "running in reverse",
-        ControlAction::Reset => "resetting a trip",
-        ControlAction::Coast => "cutting the output off",
-        ControlAction::Release => "handing control back to panel and terminals",
-    }
-}
 
 /// What a drive is announced to Home Assistant as besides its buttons.
 pub const COMBINED: [(&str, CombinedEntity); 2] = [
@@ -241,28 +197,3 @@ pub(super) const fn of_commands(is_strict: bool) -> &'static str {
         "RUN over MQTT needs neither"
     }
 }
-
-/// The meaning of a kind of ownership, for messages.
-pub(super) const fn of_ownership(ownership: Ownership) -> &'static str {
-    match ownership {
-        Ownership::One => "only the client that holds control commands",
-        Ownership::Any => "control passes to the client that commands last",
-    }
-}
-
-/// The meaning of a kind of lease, for messages.
-pub(super) const fn of_lease(lease: LeaseMode) -> &'static str {
-    match lease {
-        LeaseMode::Session => "control lasts as long as the path through the broker",
-        LeaseMode::Explicit => "control lasts only as long as it is renewed",
-    }
-}
-
-/// Who may command while a client holds control.
-pub const OWNERSHIPS: [(&str, Ownership); 2] = [("one", Ownership::One), ("any", Ownership::Any)];
-
-/// What renews a lease over MQTT.
-pub const LEASES: [(&str, LeaseMode); 2] = [
-    ("session", LeaseMode::Session),
-    ("explicit", LeaseMode::Explicit),
-];

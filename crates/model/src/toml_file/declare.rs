@@ -11,12 +11,12 @@ use crate::domain::problem::Problem;
 ///     /// The journal.
 ///     JournalFile is "[journal]" at location, refuses NOT_SERVED {
 ///         /// Maximum size of the journal file.
-///         max_size: OptionalKey<u64> = optional(size()), default "64MB";
+///         max_size: OptionalKey<u64> = optional(size()), default "64MB" => max_bytes;
 ///         /// The name of the journal.
 ///         name: OptionalKey<Name> = optional(name()), without "the gateway's name";
 ///         /// Kept beside the journal.
 ///         copies after max_size: OptionalKey<u8> = copies(max_size), or 1;
-///     }
+///     } fills JournalSettings with |file, directory: PathBuf| { directory, }
 /// }
 /// ```
 ///
@@ -26,6 +26,8 @@ use crate::domain::problem::Problem;
 /// * `JournalFile::read`, which reads the table and reports all mistakes in it, and `JournalFile::keys`, which reads its keys in
 ///   a table that has others as well. `refuses` names a list of [`RefusedKey`];
 /// * for a key with a default, a method of its name: `max_size()` is the value, or the default if the key is left out;
+/// * with `fills`, the method `settings`, which makes the settings of the room that uses the table: each field that an arrow
+///   names has the value of its key, and the block after `fills` has all other fields, made from what is given;
 /// * the rows of the table in its reference: `docs/configuration.md` or `docs/model-reference.md`. The comment of a key is its
 ///   sentence there.
 ///
@@ -45,9 +47,10 @@ macro_rules! declare_table {
                 $(, default $default:literal)?
                 $(, constant $constant:path)?
                 $(, or $value:expr)?
-                $(, without $words:expr)?;
+                $(, without $words:expr)?
+                $(=> $target:ident)?;
             )+
-        }
+        } $(fills $($fills:tt)+)?
     ) => {
         $(#[doc = $says])+
         #[derive(Clone, Debug, Default)]
@@ -143,6 +146,10 @@ macro_rules! declare_table {
                 }
             }
         }
+
+        $crate::toml_file::fill::fill_settings! {
+            $table { $($field [$($default)? $($constant)? $($value)?] [$($target)?])+ } $($($fills)+)?
+        }
     };
 }
 pub use declare_table;
@@ -152,8 +159,8 @@ pub use declare_table;
 pub struct RefusedKey {
     /// Its name.
     pub name: &'static str,
-    /// Why it is refused.
-    pub what: &'static str,
+    /// Why it is refused; `None`: nothing serves it.
+    pub what: Option<&'static str>,
     /// The alternative.
     pub instead: &'static str,
 }

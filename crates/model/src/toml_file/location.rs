@@ -19,6 +19,26 @@ impl KeyLocation {
         Problem::new(self.key.clone(), self.span.clone(), what)
     }
 
+    /// Reports in `problems` what is wrong here, and what would be right.
+    pub fn refuse(
+        &self,
+        what: impl Into<String>,
+        right: impl Into<String>,
+        problems: &mut Vec<Problem>,
+    ) {
+        problems.push(self.problem(what).right(right));
+    }
+
+    /// Reports in `problems` what the file can be used with anyway, and what would be right.
+    pub fn warn(
+        &self,
+        what: impl Into<String>,
+        right: impl Into<String>,
+        problems: &mut Vec<Problem>,
+    ) {
+        problems.push(self.problem(what).right(right).warning());
+    }
+
     /// The location to report for `name`, a key that the table at this location lacks.
     #[must_use]
     pub fn missing(&self, name: &str) -> Self {
@@ -53,6 +73,28 @@ pub struct LocatedValue<T> {
     pub location: KeyLocation,
 }
 
+impl<T> LocatedValue<T> {
+    /// Reports in `problems` what is wrong with the value, and what would be right.
+    pub fn refuse(
+        &self,
+        what: impl Into<String>,
+        right: impl Into<String>,
+        problems: &mut Vec<Problem>,
+    ) {
+        self.location.refuse(what, right, problems);
+    }
+
+    /// Reports in `problems` what the file can be used with anyway, and what would be right.
+    pub fn warn(
+        &self,
+        what: impl Into<String>,
+        right: impl Into<String>,
+        problems: &mut Vec<Problem>,
+    ) {
+        self.location.warn(what, right, problems);
+    }
+}
+
 /// The result of reading an optional key.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum OptionalKey<T> {
@@ -74,6 +116,29 @@ impl<T> OptionalKey<T> {
         }
     }
 
+    /// Its location if it is present and valid.
+    pub const fn location(&self) -> Option<&KeyLocation> {
+        match self {
+            Self::Valid(written) => Some(&written.location),
+            Self::Absent | Self::Invalid => None,
+        }
+    }
+
+    /// Whether the file does not have the key.
+    pub const fn is_absent(&self) -> bool {
+        matches!(self, Self::Absent)
+    }
+
+    /// What `settle` makes of the value: `Some(None)` if the key is absent, `None` if its value is invalid or `settle`
+    /// cannot use it.
+    pub fn settle<U>(&self, settle: impl FnOnce(&T) -> Option<U>) -> Option<Option<U>> {
+        match self {
+            Self::Absent => Some(None),
+            Self::Invalid => None,
+            Self::Valid(written) => settle(&written.value).map(Some),
+        }
+    }
+
     /// `Some(None)` if the key is absent, `None` if its value is invalid.
     pub fn optional(self) -> Option<Option<T>> {
         match self {
@@ -81,6 +146,13 @@ impl<T> OptionalKey<T> {
             Self::Invalid => None,
             Self::Valid(written) => Some(Some(written.value)),
         }
+    }
+}
+
+impl<T: PartialEq> OptionalKey<T> {
+    /// The value with its location, if it is `value`.
+    pub fn valid_as(&self, value: &T) -> Option<&LocatedValue<T>> {
+        self.valid().filter(|written| written.value == *value)
     }
 }
 

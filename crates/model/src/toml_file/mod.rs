@@ -20,6 +20,7 @@
 //! ```
 
 pub mod declare;
+pub mod fill;
 mod location;
 mod reader;
 pub mod values;

@@ -347,12 +347,20 @@ impl<'a, 'p> TableReader<'a, 'p> {
         lists
     }
 
-    /// Refuses `key`, a known key that is not valid here. Does nothing if the table does not have it.
-    pub fn refuse(&mut self, key: &'static str, what: impl Into<String>, right: impl Into<String>) {
+    /// Refuses `key`, a known key that is not valid here: for the reason `what`, or because nothing serves it. Does nothing
+    /// if the table does not have it.
+    pub fn refuse(&mut self, key: &'static str, what: Option<&str>, right: &str) {
         self.refused.push(key);
         if let Some((name, _)) = self.section.table.get_key_value(key) {
             let location = self.section.location.inner(key, name.span());
-            self.problems.push(location.problem(what).right(right));
+            let not_served = || {
+                format!("`{key}` is not supported by this version; a key without effect is refused")
+            };
+            location.refuse(
+                what.map_or_else(not_served, str::to_owned),
+                right,
+                self.problems,
+            );
         }
     }
 
@@ -498,7 +506,7 @@ mod tests {
                 one.list("list", &ValueKind::number(0..=255_u8)),
                 OptionalKey::Invalid
             );
-            one.refuse("old", "`old` does nothing", "leave it out");
+            one.refuse("old", Some("`old` does nothing"), "leave it out");
             one.finish();
             assert!(reader.required_table("two").is_none());
         });

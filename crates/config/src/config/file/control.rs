@@ -2,12 +2,13 @@
 
 use super::super::words::{
     self, ACTIONS, BUS_FUNCTIONS, COMMANDS, CommandInterface, DIRECTIONS, FAIL_SAFES, LEASES,
-    ON_OUTPUT_OUTSIDE, OWNERSHIPS, WAYS,
+    ON_GATEWAY_LOST, ON_OUTPUT_OUTSIDE, OWNERSHIPS, WAYS,
 };
-use super::kinds::{hours, minutes, ms, seconds};
+use super::kinds::{ListKey, choice, flag, hours, minutes, ms, seconds, time};
 use crate::domain::command::Direction;
 use crate::domain::control::{
     BusFunctions, ControlAction, ControlSettings, FailSafe, OnOutputOutside, Ownership,
+    SiteEvidence,
 };
 use crate::domain::frequency::Hertz;
 use crate::domain::standby::OnGatewayLost;
@@ -22,78 +23,92 @@ declare_table! {
     ControlFile is "[line.drive.control]" {
         /// The interfaces that accept commands; each must be enabled.
         from: RequiredKey<Vec<LocatedValue<CommandInterface>>> =
-            required_list(ValueKind::choice(&WAYS, CommandInterface::meaning));
+            required_list(ValueKind::choice(&WAYS, words::of_way));
         /// Which functions come over the bus; the others are wired to the drive. With "frequency" the drive is started and
         /// stopped elsewhere: a stop is sent, but may have no effect, and both fail-safe actions must be "hold";
         /// `on_gateway_lost` too, or "adopt".
-        bus: OptionalKey<BusFunctions> = optional(ValueKind::choice(&BUS_FUNCTIONS, words::of_bus)),
-            default "both";
+        bus: OptionalKey<BusFunctions> = choice(&BUS_FUNCTIONS, words::of_bus), default "both" => bus;
         /// Minimum and maximum setpoint. Values outside are refused, never clamped.
         limits as "frequency_hz": Option<LimitsFile> = limits();
         /// The directions in which the motor may run.
-        directions: OptionalKey<Vec<LocatedValue<Direction>>> =
-            list(ValueKind::choice(&DIRECTIONS, words::of_direction)),
+        directions: ListKey<Direction> = list(ValueKind::choice(&DIRECTIONS, words::of_direction)),
             without "[\"forward\"]";
         /// A running motor may be reversed only at or below this output frequency. Only with both directions.
-        reverse_below as "reverse_below_hz": OptionalKey<Hertz> = optional(hertz()), default 0.0;
+        reverse_below as "reverse_below_hz": OptionalKey<Hertz> = optional(hertz()),
+            default 0.0 => reverse_below;
         /// The fail-safe action when the commander vanishes.
-        on_commander_lost: RequiredKey<FailSafe> = required(fail_safe());
+        on_commander_lost: RequiredKey<FailSafe> = required(fail_safe()) => on_commander_lost;
         /// How long the commander may be silent before the fail-safe action. It must exceed the time a command may wait and, with
         /// a session lease, three probes.
-        lost_after: RequiredKey<Duration> = required(lost_after());
+        lost_after: RequiredKey<Duration> = required(lost_after()) => lost_after;
         /// The action when the gateway shuts down on request.
-        on_shutdown: RequiredKey<FailSafe> = required(fail_safe());
+        on_shutdown: RequiredKey<FailSafe> = required(fail_safe()) => on_shutdown;
         /// What happens when the motor runs by an order and its output is above `frequency_hz`, or stays away from the setpoint:
         /// only the alarm `output_outside_limits`, which refuses RUN and higher setpoints, or a stop as well.
         on_output_outside: OptionalKey<OnOutputOutside> =
-            optional(ValueKind::choice(&ON_OUTPUT_OUTSIDE, words::of_output_outside)), default "alarm";
+            choice(&ON_OUTPUT_OUTSIDE, words::of_output_outside), default "alarm" => on_output_outside;
         /// What happens to a drive that was ordered to run, when this gateway takes its line over: it is stopped by its ramp, its
         /// output is cut off, it goes on, or it goes on for `lost_after` so that its client can come back.
-        on_gateway_lost: OptionalKey<OnGatewayLost> = optional(words::on_gateway_lost()),
+        on_gateway_lost: OptionalKey<OnGatewayLost> = choice(&ON_GATEWAY_LOST, words::of_gateway_lost),
             without "none: required on a line with `standby = true`";
         /// Actions that the model marks as unproven but that you accept. "basic" is stop, forward and the setpoint together.
-        accept_unverified: OptionalKey<Vec<LocatedValue<ControlAction>>> =
-            list(ValueKind::choice(&ACTIONS, words::of_action)), without "[]";
+        accept_unverified: ListKey<ControlAction> = list(ValueKind::choice(&ACTIONS, words::of_action)),
+            without "[]";
         /// Whether `vfd-gateway qualify` may try what the model leaves unproven, one command at a time. For the day of the trials
         /// only.
-        qualify: OptionalKey<bool> = optional(ValueKind::flag()), default false;
+        qualify: OptionalKey<bool> = flag(), default false => qualify;
         /// Whether control may be returned to panel and terminals. A closed terminal may then start the motor.
-        allow_release: OptionalKey<bool> = optional(ValueKind::flag()), default false;
+        allow_release: OptionalKey<bool> = flag(), default false => allow_release;
         /// Strict: RUN over MQTT only with `epoch` or `issued_at`.
-        strict as "commands": OptionalKey<bool> =
-            optional(ValueKind::choice(&COMMANDS, words::of_commands)), default "plain";
+        strict as "commands": OptionalKey<bool> = choice(&COMMANDS, words::of_commands),
+            default "plain" => strict;
         /// RUN over MQTT without `epoch` and `issued_at`, or from the page, is refused for this long after a stop, a trip, a lost
         /// lease or an outage; over MQTT at least 1.75 s more than `probe_interval`, from the page at least 2.5 s.
-        restart_delay: OptionalKey<Duration> = optional(ValueKind::duration(Duration::ZERO..=minutes(1))),
+        restart_delay: OptionalKey<Duration> = time(Duration::ZERO..=minutes(1)),
             without "\"3s\"; with `[mqtt]` 1.75 s more than `probe_interval` if that is longer, at most \"5s\"";
         /// A stop without effect for this long raises an alarm.
-        stop_effect_timeout: OptionalKey<Duration> = optional(ValueKind::duration(ms(500)..=minutes(1))),
-            constant ControlSettings::STOP_EFFECT_TIMEOUT;
+        stop_effect_timeout: OptionalKey<Duration> = time(ms(500)..=minutes(1)),
+            constant ControlSettings::STOP_EFFECT_TIMEOUT => stop_effect_timeout;
         /// How long a stop waits for a drive that does not answer.
-        stop_pending_for: OptionalKey<Duration> = optional(ValueKind::duration(seconds(1)..=hours(1))),
-            constant ControlSettings::STOP_PENDING_FOR;
+        stop_pending_for: OptionalKey<Duration> = time(seconds(1)..=hours(1)),
+            constant ControlSettings::STOP_PENDING_FOR => stop_pending_for;
         /// Who may command while a client holds control: only that client, or every client with the rights.
-        ownership: OptionalKey<Ownership> = optional(ValueKind::choice(&OWNERSHIPS, words::of_ownership)),
-            default "one";
+        ownership: OptionalKey<Ownership> = choice(&OWNERSHIPS, words::of_ownership),
+            default "one" => ownership;
         /// Whether a client may take control from its holder. The drive keeps running as it is.
-        allow_take: OptionalKey<bool> = optional(ValueKind::flag()), default false;
+        allow_take: OptionalKey<bool> = flag(), default false => allow_take;
         /// What renews the lease over MQTT: a working path through the broker, or only commands and the lease topic.
-        lease: OptionalKey<LeaseMode> = optional(ValueKind::choice(&LEASES, words::of_lease)),
-            without "that of `[mqtt]`";
+        lease: OptionalKey<LeaseMode> = choice(&LEASES, words::of_lease), without "that of `[mqtt]`";
         /// Minimum time between two starts from standstill.
-        min_start_interval: OptionalKey<Duration> =
-            optional(ValueKind::duration(Duration::ZERO..=hours(1))), default "0s";
+        min_start_interval: OptionalKey<Duration> = time(Duration::ZERO..=hours(1)),
+            default "0s" => min_start_interval;
         /// The time-out to which the drive's own watchdog is set: more than twice the longest gap between frames, at most
         /// `lost_after`.
-        watchdog: OptionalKey<Duration> = optional(ValueKind::duration(ms(100)..=hours(1))),
-            without "unknown";
+        watchdog: OptionalKey<Duration> = time(ms(100)..=hours(1)), without "unknown" => watchdog;
         /// Allow RUN only while the drive's own watchdog was read as enabled and in order. For models where that is proven.
-        require_watchdog: OptionalKey<bool> = optional(ValueKind::flag()), default false;
+        require_watchdog: OptionalKey<bool> = flag(), default false => require_watchdog;
         /// A fail-safe stop without effect for this long is left to the drive's own watchdog, if it was read as enabled: no more
         /// frames are sent.
-        failsafe_confirm_timeout: OptionalKey<Duration> =
-            optional(ValueKind::duration(seconds(1)..=minutes(1))),
-            constant ControlSettings::FAILSAFE_CONFIRM_TIMEOUT;
+        failsafe_confirm_timeout: OptionalKey<Duration> = time(seconds(1)..=minutes(1)),
+            constant ControlSettings::FAILSAFE_CONFIRM_TIMEOUT => failsafe_confirm_timeout;
+    } fills ControlSettings with |
+        file, limits: (Hertz, Hertz), directions: Vec<Direction>, on_gateway_lost: Option<OnGatewayLost>,
+        accepted: (Vec<ControlAction>, SiteEvidence), native: NativeWrites, defaults: MqttDefaults
+    | {
+        from_mqtt: file.names(CommandInterface::Mqtt).is_some(),
+        from_modbus_tcp: file.names(CommandInterface::ModbusTcp).is_some(),
+        from_page: file.names(CommandInterface::Page).is_some(),
+        from_sparkplug: file.names(CommandInterface::Sparkplug).is_some(),
+        least: limits.0,
+        most: limits.1,
+        accept_unverified: accepted.0,
+        site: accepted.1,
+        restart_delay: file.restart_delay.or(defaults.restart_delay)?,
+        native_write: native.addresses,
+        stored_write_interval: native.stored_write_interval,
+        stores_native_writes: native.stores,
+        lease: file.lease.or(defaults.lease)?,
+        directions, on_gateway_lost,
     }
 }
 
@@ -104,12 +119,38 @@ declare_table! {
         write: RequiredKey<Vec<LocatedValue<String>>> =
             required_list(ValueKind::text()).listed_as("list of codes, names or addresses");
         /// Minimum time between two writes of a register that is stored, or not known to be in RAM.
-        stored_write_interval: OptionalKey<Duration> =
-            optional(ValueKind::duration(seconds(1)..=hours(24))),
-            constant ControlSettings::STORED_WRITE_INTERVAL;
+        stored_write_interval: OptionalKey<Duration> = time(seconds(1)..=hours(24)),
+            constant ControlSettings::STORED_WRITE_INTERVAL => stored_write_interval;
         /// Whether each write is followed by the word that stores parameters, for models with `[commit.store]`: no more often
         /// than `stored_write_interval`.
-        store: OptionalKey<bool> = optional(ValueKind::flag()), default false;
+        store: OptionalKey<bool> = flag(), default false => stores;
+    } fills NativeWrites with |file, addresses: Vec<u16>| { addresses, }
+}
+
+/// What clients may write to a drive besides commands.
+pub struct NativeWrites {
+    /// The registers.
+    pub addresses: Vec<u16>,
+    pub stored_write_interval: Duration,
+    /// Whether each write is followed by the word that stores parameters.
+    pub stores: bool,
+}
+
+/// Defaults that drives take from `[mqtt]`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MqttDefaults {
+    /// What renews a lease.
+    pub lease: LeaseMode,
+    /// How long plain RUN is refused after a stop.
+    pub restart_delay: Duration,
+}
+
+impl Default for MqttDefaults {
+    fn default() -> Self {
+        Self {
+            lease: LeaseMode::default(),
+            restart_delay: ControlSettings::RESTART_DELAY,
+        }
     }
 }
 
@@ -131,6 +172,12 @@ impl ControlFile {
             .iter()
             .find(|named| named.value == way)
             .map(|named| &named.location)
+    }
+
+    /// The location of the first interface in `from` that is reached through the broker.
+    pub fn by_broker(&self) -> Option<&KeyLocation> {
+        self.names(CommandInterface::Mqtt)
+            .or(self.names(CommandInterface::Sparkplug))
     }
 }
 

@@ -1,38 +1,45 @@
 //! The table of a drive: `[[line.drive]]`. Its inner tables for commands and writes are in [`super::control`].
 
+use super::super::ready::DriveSettings;
 use super::control::{ControlFile, NativeFile};
-use super::kinds::{RegisterValues, hours, minutes, ms, name, of_registers, unit};
-use super::line::reply_timeout;
+use super::kinds::{
+    RegisterValues, hours, minutes, ms, name, of_registers, reply_timeout, time, unit,
+};
 use super::mqtt::heartbeat;
+use crate::domain::control::ControlSettings;
 use crate::domain::ids::{Name, Station, UnitId};
+use crate::domain::link::Framing;
+use crate::drive::description::{DriveRatings, PointSettings};
+use crate::profile::model::Model;
 use crate::profile::register::{RegisterFile, extra_register};
 use crate::toml_file::declare::{KeyForm, RefusedKey, declare_table, optional, required, table};
 use crate::toml_file::values::{ValueKind, WrongValue};
 use crate::toml_file::{OptionalKey, RequiredKey, TableReader};
+use std::sync::Arc;
 use std::time::Duration;
 
 declare_table! {
     /// One `[[line.drive]]`.
     DriveFile is "[[line.drive]]" at location, refuses NOT_SERVED {
         /// The name of the drive; unique in the gateway.
-        name: RequiredKey<Name> = required(name());
+        name: RequiredKey<Name> = required(name()) => name;
         /// The drive model.
         model: RequiredKey<String> = required(ValueKind::text().listed_as("identifier of a model"));
         /// The station number set on the drive, on `modbus-tcp://` its unit; unique on the line.
-        station: RequiredKey<Station> = required(station());
+        station: RequiredKey<Station> = required(station()) => station;
         /// The unit at which Modbus TCP clients reach the drive's own registers.
         unit: OptionalKey<UnitId> = optional(unit()),
             without "the station, where a listener serves one line only";
         /// The unit at which they reach the uniform registers, the same for all models.
         uniform_unit: OptionalKey<UnitId> = optional(unit()), without "`unit` + 100";
         /// The group in which the page shows the drive, across lines: a machine or a hall.
-        group: OptionalKey<Name> = optional(name()), without "none";
+        group: OptionalKey<Name> = optional(name()), without "none" => group;
         /// Period of the fast polls. Slow polls have four times that period.
-        poll: OptionalKey<Duration> = optional(ValueKind::duration(ms(10)..=hours(1))), default "500ms";
+        poll: OptionalKey<Duration> = time(ms(10)..=hours(1)), default "500ms" => poll;
         /// Maximum wait for a reply of this drive.
         reply_timeout: OptionalKey<Option<Duration>> = optional(reply_timeout()), without "the line's";
         /// How long after a time-out a late reply may still arrive. Without effect on `modbus-tcp://`.
-        max_lateness: OptionalKey<Duration> = optional(ValueKind::duration(ms(10)..=minutes(1))),
+        max_lateness: OptionalKey<Duration> = time(ms(10)..=minutes(1)),
             without "the model's; on `tcp://` at least \"3s\"";
         /// Rated current, for models that report the current as a percentage of it.
         rated_current as "rated_current_a": OptionalKey<u32> = optional(thousandths("A")),
@@ -47,8 +54,7 @@ declare_table! {
         /// Registers that the model does not list, declared by the operator.
         registers as "register": Vec<RegisterFile> = registers(), without "none";
         /// Smaller changes, in the register's unit, are not published over MQTT before the heartbeat.
-        dead_bands: RegisterValues<f64> = of_registers(dead_band()),
-            without "none";
+        dead_bands: RegisterValues<f64> = of_registers(dead_band()), without "none";
         /// Interval after which an unchanged value is published again, on its own topic.
         heartbeats: RegisterValues<Duration> = of_registers(heartbeat()),
             without "`heartbeat` of `[mqtt]`";
@@ -60,23 +66,41 @@ declare_table! {
             without "read-only from everywhere";
         /// Native registers that may be written; needs `control`.
         native: OptionalKey<NativeFile> = table(NativeFile::read), without "none";
+    } fills DriveSettings with |
+        file, model: Arc<Model>, units: (UnitId, UnitId), line: &LineDefaults,
+        control: Option<Arc<ControlSettings>>, ratings: DriveRatings, points: PointSettings
+    | {
+        unit: units.0,
+        uniform_unit: units.1,
+        reply_timeout: file.reply_timeout.or(line.reply_timeout)?,
+        max_lateness: file.max_lateness.or(model.timing.max_lateness.value.max(line.max_lateness))?,
+        model, control, ratings, points,
     }
+}
+
+/// Defaults that drives take from their line.
+pub struct LineDefaults {
+    pub framing: Framing,
+    /// Reply time-out for drives without their own.
+    pub reply_timeout: Option<Duration>,
+    /// Minimum lateness for drives without their own setting.
+    pub max_lateness: Duration,
 }
 
 const NOT_SERVED: &[RefusedKey] = &[
     RefusedKey {
         name: "interlocks",
-        what: "`interlocks` is not supported by this version; a key without effect is refused",
+        what: None,
         instead: "leave it out; `reverse_below_hz`, `min_start_interval` and `require_watchdog` in `[line.drive.control]` are the interlocks; what must not run together is wired or decided by the commander",
     },
     RefusedKey {
         name: "lease",
-        what: "`lease` is not supported by this version; a key without effect is refused",
+        what: None,
         instead: "leave it out; `lease` and `lost_after` are in `[line.drive.control]`",
     },
     RefusedKey {
         name: "max_status_age",
-        what: "`max_status_age` is not supported by this version; a key without effect is refused",
+        what: None,
         instead: "leave it out; the planned age of the values follows from `poll`",
     },
 ];

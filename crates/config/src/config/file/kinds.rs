@@ -3,11 +3,12 @@
 use super::super::port_address;
 use super::super::ready::PortAddress;
 use crate::domain::ids::{CommanderName, Name, UnitId};
-use crate::toml_file::declare::KeyForm;
+use crate::toml_file::declare::{KeyForm, optional};
 use crate::toml_file::values::{ValueKind, WrongValue};
 use crate::toml_file::{LocatedValue, OptionalKey};
 use ipnet::IpNet;
 use std::net::{IpAddr, SocketAddr};
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -54,17 +55,6 @@ pub fn absolute_path() -> ValueKind<'static, PathBuf> {
     .listed_as("absolute path")
 }
 
-/// Values by the names of registers.
-pub type RegisterValues<T> = OptionalKey<Vec<(String, LocatedValue<T>)>>;
-
-/// A table in which the operator chooses the keys: polled registers.
-pub fn of_registers<'k, T: 'k>(kind: ValueKind<'k, T>) -> KeyForm<'k, RegisterValues<T>> {
-    let notation = format!("table: polled register = {}", kind.notation());
-    KeyForm::new(notation, move |reader, key| {
-        reader.inner(key, |reader| reader.all(&kind))
-    })
-}
-
 /// A port of the gateway.
 pub fn port() -> ValueKind<'static, PortAddress> {
     ValueKind::text().and_then(|text| port_address::parse(&text).map_err(WrongValue::from))
@@ -75,6 +65,11 @@ pub fn baud() -> ValueKind<'static, u32> {
     let kind = ValueKind::number(300..=4_000_000);
     let notation = format!("{} bit/s", kind.notation());
     kind.listed_as(notation)
+}
+
+/// Maximum wait for a reply, or as the models need it.
+pub fn reply_timeout() -> ValueKind<'static, Option<Duration>> {
+    ValueKind::duration(ms(1)..=minutes(1)).or_word("auto")
 }
 
 /// A unit of Modbus.
@@ -112,5 +107,37 @@ pub fn network() -> ValueKind<'static, IpNet> {
             ),
         };
         Err((format!("`{text}` {what}"), right).into())
+    })
+}
+
+/// A key that is true or false.
+pub fn flag() -> KeyForm<'static, OptionalKey<bool>> {
+    optional(ValueKind::flag())
+}
+
+/// A key with a time in `range`.
+pub fn time(range: RangeInclusive<Duration>) -> KeyForm<'static, OptionalKey<Duration>> {
+    optional(ValueKind::duration(range))
+}
+
+/// A key with a word that decides what a motor does or who moves it, each with its meaning.
+pub fn choice<T: Copy + 'static>(
+    words: &'static [(&'static str, T)],
+    means: fn(T) -> &'static str,
+) -> KeyForm<'static, OptionalKey<T>> {
+    optional(ValueKind::choice(words, means))
+}
+
+/// A list that may be left out.
+pub type ListKey<T> = OptionalKey<Vec<LocatedValue<T>>>;
+
+/// Values by the names of registers.
+pub type RegisterValues<T> = OptionalKey<Vec<(String, LocatedValue<T>)>>;
+
+/// A table in which the operator chooses the keys: polled registers.
+pub fn of_registers<'k, T: 'k>(kind: ValueKind<'k, T>) -> KeyForm<'k, RegisterValues<T>> {
+    let notation = format!("table: polled register = {}", kind.notation());
+    KeyForm::new(notation, move |reader, key| {
+        reader.inner(key, |reader| reader.all(&kind))
     })
 }

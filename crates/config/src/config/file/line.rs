@@ -1,11 +1,12 @@
 //! The table of a line: `[[line]]`.
 
-use super::super::ready::{LineSilence, PortAddress};
+use super::super::ready::{DriveSettings, LineSettings, LineSilence, PortAddress};
 use super::super::words::DIRECTION_CONTROLS;
 use super::drive::DriveFile;
-use super::kinds::{baud, hours, minutes, ms, name, port, seconds};
+use super::kinds::{baud, flag, hours, ms, name, port, reply_timeout, seconds, time};
 use crate::domain::ids::Name;
-use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, Parity};
+use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, LinkSettings, Parity};
+use crate::domain::standby::StandbyPair;
 use crate::toml_file::declare::{KeyForm, declare_table, each, optional, required};
 use crate::toml_file::values::ValueKind;
 use crate::toml_file::words::{ECHO_POLICIES, FRAMINGS, INTERFACES, PARITIES};
@@ -19,12 +20,12 @@ declare_table! {
     /// One `[[line]]`.
     LineFile is "[[line]]" at location {
         /// The name of the line; unique among the lines.
-        name: RequiredKey<Name> = required(name());
+        name: RequiredKey<Name> = required(name()) => name;
         /// The serial device (preferably by id), a pseudo-terminal, a serial device server that forwards the frames, or a Modbus
         /// TCP server: a drive with an Ethernet port, or a converter before drives.
         port: RequiredKey<PortAddress> = required(port().listed_as(
             "absolute path, \"tcp://host:port\", or \"modbus-tcp://host[:502]\""
-        ));
+        )) => port;
         /// Speed; every drive of the line must be set to it.
         baud: OptionalKey<u32> = optional(baud()), without FACTORY;
         /// Data bits of a character; 8 with RTU framing.
@@ -39,29 +40,33 @@ declare_table! {
         /// The physical interface. RS-232 carries exactly one drive.
         interface: OptionalKey<Interface> = optional(ValueKind::one_of(&INTERFACES)), default "rs485";
         /// What to do if the adapter echoes what is sent: take the line down, or strip the echo.
-        echo: OptionalKey<EchoPolicy> = optional(ValueKind::one_of(&ECHO_POLICIES)), default "refuse";
+        echo: OptionalKey<EchoPolicy> = optional(ValueKind::one_of(&ECHO_POLICIES)),
+            default "refuse" => echo;
         /// What switches the direction of an RS-485 adapter: the adapter, its driver (TIOCSRS485), or the gateway with RTS.
         direction as "rs485": OptionalKey<DirectionControl> =
             optional(ValueKind::one_of(&DIRECTION_CONTROLS)), default "adapter";
         /// Whether to ask the driver to deliver received bytes at once, if it can.
-        low_latency: OptionalKey<bool> = optional(ValueKind::flag()), default true;
+        low_latency: OptionalKey<bool> = flag(), default true => low_latency;
         /// Silence between frames. It may be shorter than the models need only on a pseudo-terminal or `tcp://`.
-        silence: OptionalKey<LineSilence> = optional(silence()), default "auto";
+        silence: OptionalKey<LineSilence> = optional(silence()), default "auto" => silence;
         /// Minimum time between the end of one exchange and the next request.
-        min_request_gap: OptionalKey<Duration> =
-            optional(ValueKind::duration(Duration::ZERO..=seconds(10))), default "0ms";
+        min_request_gap: OptionalKey<Duration> = time(Duration::ZERO..=seconds(10)),
+            default "0ms" => min_request_gap;
         /// Maximum wait for a reply, for drives without a setting of their own.
-        reply_timeout: OptionalKey<Option<Duration>> = optional(reply_timeout()), default "auto";
+        reply_timeout: OptionalKey<Option<Duration>> = optional(reply_timeout()),
+            default "auto" => reply_timeout;
         /// Maximum age of the fast values if the drives are polled more often than the line can carry. A line that would exceed
         /// it is refused.
-        max_status_age: OptionalKey<Duration> = optional(ValueKind::duration(ms(100)..=hours(1))),
-            default "5s";
+        max_status_age: OptionalKey<Duration> = time(ms(100)..=hours(1)), default "5s" => max_status_age;
         /// Whether the other gateway of `[standby]` is on the same RS-485 line. Then one of the two sends, and the other one only
         /// listens and takes over when the line is silent.
-        standby: OptionalKey<bool> = optional(ValueKind::flag()), default false;
+        standby: OptionalKey<bool> = flag(), default false;
         /// One drive each.
         drives as "drive": Vec<DriveFile> = drives();
-    }
+    } fills LineSettings with |
+        file, link: LinkSettings, framing: Framing, interface: Interface, direction: DirectionControl,
+        standby: Option<StandbyPair>, drives: Vec<DriveSettings>
+    | { link, framing, interface, direction, standby, drives, }
 }
 
 impl LineFile {
@@ -80,11 +85,6 @@ fn silence() -> ValueKind<'static, LineSilence> {
         .map(|fixed| fixed.map_or(LineSilence::Auto, LineSilence::Fixed))
 }
 
-/// Maximum wait for a reply, or as the models need it.
-pub fn reply_timeout() -> ValueKind<'static, Option<Duration>> {
-    ValueKind::duration(ms(1)..=minutes(1)).or_word("auto")
-}
-
 fn drives() -> KeyForm<'static, Vec<DriveFile>> {
     KeyForm::new(
         "tables, at least one",
@@ -93,8 +93,7 @@ fn drives() -> KeyForm<'static, Vec<DriveFile>> {
             if drives.is_empty() {
                 let missing = reader.location().missing(key);
                 let right = "`[[line.drive]]` with `name`, `model` and `station`";
-                let problem = missing.problem("the line has no drive").right(right);
-                reader.problems().push(problem);
+                missing.refuse("the line has no drive", right, reader.problems());
             }
             drives
         },

@@ -13,23 +13,24 @@ mod mqtt;
 pub(super) mod reference;
 mod serial;
 
-pub(super) use control::{ControlFile, LimitsFile, NativeFile};
-pub(super) use drive::DriveFile;
-pub(super) use http::{HttpFile, HttpUserFile};
+pub(super) use control::{ControlFile, LimitsFile, MqttDefaults, NativeFile, NativeWrites};
+pub(super) use drive::{DriveFile, LineDefaults};
+pub(super) use http::{HttpFile, HttpTlsFile, HttpUserFile};
+pub(super) use kinds::{ListKey, RegisterValues};
 pub(super) use line::LineFile;
 pub(super) use listener::{ListenerFile, ListenerTlsFile, RoleFile};
 pub(super) use mqtt::{HomeAssistantFile, MqttFile, SparkplugFile};
 pub(super) use serial::SerialFile;
 
-use super::ready::RemovalRule;
+use super::ready::{GatewaySettings, JournalSettings, RemovalRule};
 use super::words::{REMOVALS, of_removal};
 use crate::domain::ids::Name;
 use crate::domain::problem::Problem;
-use crate::domain::standby::RANK_MAX;
+use crate::domain::standby::{RANK_MAX, StandbyPair};
 use crate::toml_file::declare::{declare_table, each, list, optional, required};
 use crate::toml_file::values::ValueKind;
-use crate::toml_file::{LocatedValue, OptionalKey, RequiredKey, TableReader, document};
-use kinds::{absolute_path, minutes, name, seconds};
+use crate::toml_file::{OptionalKey, RequiredKey, TableReader, document};
+use kinds::{absolute_path, choice, minutes, name, seconds};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -52,41 +53,42 @@ declare_table! {
     /// `[gateway]`
     GatewayFile is "[gateway]" {
         /// The name of the gateway in messages and topics.
-        name: OptionalKey<Name> = optional(name()), without "the host's name";
+        name: OptionalKey<Name> = optional(name()), without "the host's name" => name;
         /// The directory for the journal, the remembered state and the local command socket. If it is missing, `run` creates it
         /// in a directory of its own user; elsewhere the gateway says how to create it, and controls without it.
-        data_dir: OptionalKey<PathBuf> = optional(absolute_path()), without "none";
+        data_dir: OptionalKey<PathBuf> = optional(absolute_path()), without "none" => data_dir;
         /// Directories with your own models (`*.toml`).
-        model_dirs: OptionalKey<Vec<LocatedValue<PathBuf>>> = list(absolute_path()).listed_as("list of absolute paths"),
+        model_dirs: ListKey<PathBuf> = list(absolute_path()).listed_as("list of absolute paths"),
             without "none";
         /// What a reload does if it would remove a drive that runs or is under control, or restart its line: refuse the reload,
         /// or stop the drive first.
-        on_removal: OptionalKey<RemovalRule> = optional(ValueKind::choice(&REMOVALS, of_removal)),
-            default "refuse";
-    }
+        on_removal: OptionalKey<RemovalRule> = choice(&REMOVALS, of_removal),
+            default "refuse" => on_removal;
+    } fills GatewaySettings with |file| {}
 }
 
 declare_table! {
     /// `[journal]`
     JournalFile is "[journal]" {
         /// Maximum size of the journal file. When it is full, the oldest rows are deleted, trips last.
-        max_size: OptionalKey<u64> = optional(size_in_bytes()), default "64MB";
-    }
+        max_size: OptionalKey<u64> = optional(size_in_bytes()), default "64MB" => max_bytes;
+    } fills JournalSettings with |file| {}
 }
 
 declare_table! {
     /// `[standby]`
     StandbyFile is "[standby]" at location {
         /// The name of this gateway in the pair.
-        half: RequiredKey<Name> = required(half());
+        half: RequiredKey<Name> = required(half()) => half;
         /// The name of the other gateway, for refusals and displays.
-        partner: RequiredKey<Name> = required(half());
+        partner: RequiredKey<Name> = required(half()) => partner;
         /// By how many half seconds later than rank 0 it takes a line over. The gateways of a line must have different ranks.
-        rank: OptionalKey<u8> = optional(ValueKind::number(0..=RANK_MAX)), default 0;
+        rank: OptionalKey<u8> = optional(ValueKind::number(0..=RANK_MAX)), default 0 => rank;
         /// Silence of the line after which rank 0 takes it over; at least what the line needs, which `check` prints. It should be
         /// the same on both gateways.
-        take_over_after: OptionalKey<Option<Duration>> = optional(take_over_after()), default "auto";
-    }
+        take_over_after: OptionalKey<Option<Duration>> = optional(take_over_after()),
+            default "auto" => take_over_after;
+    } fills StandbyPair with |file| {}
 }
 
 impl ConfigFile {
@@ -113,8 +115,7 @@ impl ConfigFile {
         if lines.is_empty() && !http.valid().is_some_and(|http| http.value.sets_up()) {
             let missing = reader.location().missing("line");
             let right = "`[[line]]` with `name`, `port` and at least one `[[line.drive]]`";
-            let problem = missing.problem("there is no line").right(right);
-            reader.problems().push(problem);
+            missing.refuse("there is no line", right, reader.problems());
         }
         reader.finish();
         Some(Self {
@@ -128,6 +129,18 @@ impl ConfigFile {
             serial,
             http,
         })
+    }
+
+    /// All drives, line by line.
+    pub fn drives(&self) -> impl Iterator<Item = &DriveFile> {
+        self.lines.iter().flat_map(|line| &line.drives)
+    }
+
+    /// The control sections of all drives.
+    pub fn controls(&self) -> impl Iterator<Item = &ControlFile> {
+        self.drives()
+            .filter_map(|drive| drive.control.valid())
+            .map(|control| &control.value)
     }
 
     /// Everything that serves units to Modbus clients: first the listeners, then the serial masters.

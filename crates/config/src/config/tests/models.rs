@@ -40,7 +40,7 @@ fn settled(
     let mut problems = Vec::new();
     let file = ConfigFile::read(&text, &mut problems).unwrap();
     let (line, drive) = (&file.lines[0], &file.lines[0].drives[0]);
-    let defaults = crate::config::mqtt::DriveDefaults::default();
+    let defaults = crate::config::file::MqttDefaults::default();
     let control = crate::config::control::settle(
         (line, drive),
         Some(model),
