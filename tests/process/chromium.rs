@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpStream};
 use std::process::Command;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Condvar, Mutex, PoisonError};
 use std::time::Duration;
 
 /// The key under which WebDriver names an element.
@@ -25,7 +25,35 @@ pub struct Browser {
     driver: SocketAddr,
     _process: Started,
     _place: Place,
-    _alone: MutexGuard<'static, ()>,
+    _turn: BrowserTurn,
+}
+
+/// The right to run one of the few browsers that this machine has room for.
+struct BrowserTurn;
+
+/// How many browsers run, and that one has ended.
+static RUNNING: (Mutex<usize>, Condvar) = (Mutex::new(0), Condvar::new());
+
+impl BrowserTurn {
+    /// Waits until fewer browsers run than there are processors: each computes on one while it draws.
+    fn wait() -> Self {
+        let most = std::thread::available_parallelism().map_or(1, usize::from);
+        let (running, ended) = &RUNNING;
+        let running = running.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut running = ended
+            .wait_while(running, |running| *running >= most)
+            .unwrap_or_else(PoisonError::into_inner);
+        *running += 1;
+        Self
+    }
+}
+
+impl Drop for BrowserTurn {
+    fn drop(&mut self) {
+        let (running, ended) = &RUNNING;
+        *running.lock().unwrap_or_else(PoisonError::into_inner) -= 1;
+        ended.notify_one();
+    }
 }
 
 /// How the window is.
@@ -65,9 +93,7 @@ impl Window {
 impl Browser {
     /// Starts it with a profile of its own, which reaches nothing but this machine.
     pub fn start() -> Self {
-        static ONE: Mutex<()> = Mutex::new(());
-        // A browser needs a whole core for itself, so there is one at a time.
-        let alone = ONE.lock().unwrap_or_else(PoisonError::into_inner);
+        let turn = BrowserTurn::wait();
         let place = Place::new();
         // It wants one port of IPv6 and IPv4; what it takes for itself it takes of IPv6, where IPv4 may have it in use.
         let driver = SocketAddr::from((Ipv4Addr::LOCALHOST, free_port()));
@@ -114,7 +140,7 @@ impl Browser {
             driver,
             _process: process,
             _place: place,
-            _alone: alone,
+            _turn: turn,
         }
     }
 

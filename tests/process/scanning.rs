@@ -48,64 +48,72 @@ fn said(output: &Output) -> String {
 
 #[test]
 fn drives_are_found_with_model_and_setting_and_a_configuration_to_start_from() {
-    for (model, setting) in [
-        ("hyundai-n700", "9600 8N1"),
-        ("toshiba-vf-s15", "19200 8E1"),
-        ("frecon-fr500a", "9600 8N2"),
-    ] {
-        let place = Place::new();
-        let port = place.file("line");
-        let _drives = simulate(&port, model, &["3", "5"], &[]);
-        let file = place.file("gateway.toml");
-        let output = scan(
-            &port,
-            &[
-                "--stations",
-                "3-5",
-                "--json",
-                "--out",
-                file.to_str().unwrap(),
-            ],
-        );
-        let told = said(&output);
-        assert_eq!(output.status.code(), Some(0), "{told}");
-        assert!(
-            told.contains("about ") && told.contains("if no drive answers"),
-            "how long is said before: {told}"
-        );
-        let json: Value = serde_json::from_slice(&output.stdout).unwrap();
-        // A pseudo-terminal keeps no parity: a setting that differs in that alone is heard as well.
-        let drives = json["drives"]
-            .as_array()
-            .unwrap()
-            .iter()
-            .filter(|drive| drive["link"]["text"] == setting);
-        let found: Vec<_> = drives
-            .map(|drive| {
-                (
-                    drive["station"].as_u64().unwrap(),
-                    &drive["models"][0],
-                    drive["confidence"].as_str().unwrap(),
-                )
-            })
-            .collect();
-        let model = Value::from(model);
-        assert_eq!(
-            found,
-            [(3, &model, "probable"), (5, &model, "probable")],
-            "{told}"
-        );
-        let checked = vfd_gateway(&["check", "-c", file.to_str().unwrap()]);
-        assert_eq!(
-            checked.status.code(),
-            Some(0),
-            "{}",
-            String::from_utf8_lossy(&checked.stderr)
-        );
-        let again = scan(&port, &["--out", file.to_str().unwrap()]);
-        assert_eq!(again.status.code(), Some(2), "{}", said(&again));
-        assert!(said(&again).contains("already exists"));
-    }
+    // Each has a line of its own, and most of the time is that of its characters.
+    std::thread::scope(|threads| {
+        for (model, setting) in [
+            ("hyundai-n700", "9600 8N1"),
+            ("toshiba-vf-s15", "19200 8E1"),
+            ("frecon-fr500a", "9600 8N2"),
+        ] {
+            threads.spawn(move || drives_are_found(model, setting));
+        }
+    });
+}
+
+/// Two drives of a model at its usual setting are found, and what is written passes the check.
+fn drives_are_found(model: &str, setting: &str) {
+    let place = Place::new();
+    let port = place.file("line");
+    let _drives = simulate(&port, model, &["3", "5"], &[]);
+    let file = place.file("gateway.toml");
+    let output = scan(
+        &port,
+        &[
+            "--stations",
+            "3-5",
+            "--json",
+            "--out",
+            file.to_str().unwrap(),
+        ],
+    );
+    let told = said(&output);
+    assert_eq!(output.status.code(), Some(0), "{told}");
+    assert!(
+        told.contains("about ") && told.contains("if no drive answers"),
+        "how long is said before: {told}"
+    );
+    let json: Value = serde_json::from_slice(&output.stdout).unwrap();
+    // A pseudo-terminal keeps no parity: a setting that differs in that alone is heard as well.
+    let drives = json["drives"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter(|drive| drive["link"]["text"] == setting);
+    let found: Vec<_> = drives
+        .map(|drive| {
+            (
+                drive["station"].as_u64().unwrap(),
+                &drive["models"][0],
+                drive["confidence"].as_str().unwrap(),
+            )
+        })
+        .collect();
+    let model = Value::from(model);
+    assert_eq!(
+        found,
+        [(3, &model, "probable"), (5, &model, "probable")],
+        "{told}"
+    );
+    let checked = vfd_gateway(&["check", "-c", file.to_str().unwrap()]);
+    assert_eq!(
+        checked.status.code(),
+        Some(0),
+        "{}",
+        String::from_utf8_lossy(&checked.stderr)
+    );
+    let again = scan(&port, &["--out", file.to_str().unwrap()]);
+    assert_eq!(again.status.code(), Some(2), "{}", said(&again));
+    assert!(said(&again).contains("already exists"));
 }
 
 #[test]
