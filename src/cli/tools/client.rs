@@ -6,10 +6,11 @@ use crate::domain::address::{Address, DataTable};
 use crate::domain::command::Reason;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::view::RunState;
-use crate::north::modbus::{ConnectionLimits, address as map};
+use crate::north::modbus::{self, ConnectionLimits, MapRow, RowContent};
 use std::fmt;
 use std::io;
 use std::os::unix::net::UnixStream as StdUnixStream;
+use std::sync::LazyLock;
 use std::time::Duration;
 use tokio::net::{TcpStream, UnixStream};
 use tokio::sync::mpsc;
@@ -257,101 +258,48 @@ impl UniformWord {
     }
 }
 
-const fn uniform_word(name: &'static str, address: u16, form: WordFormat) -> UniformWord {
-    UniformWord {
-        name,
-        address,
-        form,
+/// The words of the uniform map that have a name: what is read, then what is written and read back.
+pub static UNIFORM: LazyLock<Vec<UniformWord>> = LazyLock::new(|| {
+    let named = modbus::map().iter().filter(|row| !row.key.is_empty());
+    named
+        .map(|row| UniformWord {
+            name: row.key,
+            address: row.address,
+            form: format_of(row),
+        })
+        .collect()
+});
+
+fn format_of(row: &MapRow) -> WordFormat {
+    let steps = match row.holds {
+        RowContent::Steps(scale, unit) => Some((scale, unit)),
+        _ => None,
+    };
+    let (scale, unit) = steps.unwrap_or((1, UnitOfMeasure::None));
+    match row.address {
+        STATUS | STATUS_MASK => WordFormat::Status,
+        RUN_STATE => WordFormat::RunState,
+        CAPABILITIES => WordFormat::Capabilities,
+        LIFE => WordFormat::Count,
+        _ if row.count == 2 => WordFormat::Wide(scale, unit),
+        _ if row.is_signed() => WordFormat::Signed(scale, unit),
+        _ if row.absent.is_some() || steps.is_some() => WordFormat::Number(scale, unit),
+        _ => WordFormat::Count,
     }
 }
 
-/// The uniform map: what is read, then what is written and read back.
-pub const UNIFORM: &[UniformWord] = &[
-    uniform_word("map_version", 0, WordFormat::Count),
-    uniform_word("status", 1, WordFormat::Status),
-    uniform_word("run_state", 2, WordFormat::RunState),
-    uniform_word("trip_code", 3, WordFormat::Number(1, UnitOfMeasure::None)),
-    uniform_word(
-        "output_frequency",
-        4,
-        WordFormat::Number(100, UnitOfMeasure::Hertz),
-    ),
-    uniform_word("setpoint", 5, WordFormat::Number(100, UnitOfMeasure::Hertz)),
-    uniform_word("current", 6, WordFormat::Number(10, UnitOfMeasure::Ampere)),
-    uniform_word("voltage", 7, WordFormat::Number(10, UnitOfMeasure::Volt)),
-    uniform_word("dc_voltage", 8, WordFormat::Number(10, UnitOfMeasure::Volt)),
-    uniform_word("power", 9, WordFormat::Number(10, UnitOfMeasure::Kilowatt)),
-    uniform_word("torque", 10, WordFormat::Signed(10, UnitOfMeasure::Percent)),
-    uniform_word(
-        "temperature",
-        11,
-        WordFormat::Signed(10, UnitOfMeasure::Celsius),
-    ),
-    uniform_word("age", 12, WordFormat::Number(100, UnitOfMeasure::Second)),
-    uniform_word("trips", 13, WordFormat::Number(1, UnitOfMeasure::None)),
-    uniform_word(
-        "last_trip_code",
-        14,
-        WordFormat::Number(1, UnitOfMeasure::None),
-    ),
-    uniform_word("status_mask", 15, WordFormat::Status),
-    uniform_word("life", 16, WordFormat::Count),
-    uniform_word("alarms", 17, WordFormat::Count),
-    uniform_word(
-        "lease_left",
-        LEASE_LEFT,
-        WordFormat::Number(1, UnitOfMeasure::Second),
-    ),
-    uniform_word("owner", 19, WordFormat::Count),
-    uniform_word(
-        "min_frequency",
-        20,
-        WordFormat::Number(100, UnitOfMeasure::Hertz),
-    ),
-    uniform_word(
-        "max_frequency",
-        21,
-        WordFormat::Number(100, UnitOfMeasure::Hertz),
-    ),
-    uniform_word("run_hours", 22, WordFormat::Wide(1, UnitOfMeasure::Hour)),
-    uniform_word(
-        "current_fine",
-        24,
-        WordFormat::Number(100, UnitOfMeasure::Ampere),
-    ),
-    uniform_word(
-        "power_fine",
-        25,
-        WordFormat::Number(100, UnitOfMeasure::Kilowatt),
-    ),
-    uniform_word("capabilities", 26, WordFormat::Capabilities),
-    uniform_word(
-        "energy_used",
-        32,
-        WordFormat::Wide(10, UnitOfMeasure::KilowattHour),
-    ),
-    uniform_word(
-        "running_hours",
-        34,
-        WordFormat::Wide(10, UnitOfMeasure::Hour),
-    ),
-    uniform_word("starts", 36, WordFormat::Wide(1, UnitOfMeasure::None)),
-    uniform_word("total_trips", 38, WordFormat::Wide(1, UnitOfMeasure::None)),
-    uniform_word("run_command", map::RUN, WordFormat::Count),
-    uniform_word(
-        "frequency_command",
-        map::SETPOINT,
-        WordFormat::Number(100, UnitOfMeasure::Hertz),
-    ),
-    uniform_word("outcome", 259, WordFormat::Count),
-    uniform_word("commands", 260, WordFormat::Count),
-    uniform_word("reason", REASON, WordFormat::Count),
-];
-
 /// The status bits.
 pub const STATUS: u16 = 1;
+/// The run state.
+const RUN_STATE: u16 = 2;
+/// The status bits that the drive can report.
+const STATUS_MASK: u16 = 15;
+/// Seconds since the start, which wrap.
+const LIFE: u16 = 16;
 /// The alarm bits.
 pub const ALARMS: u16 = 17;
+/// What can be ordered.
+const CAPABILITIES: u16 = 26;
 /// Seconds until the lease ends.
 pub const LEASE_LEFT: u16 = 18;
 /// Number of the reason of the last command.
@@ -548,7 +496,7 @@ mod tests {
             row.unit == MapUnit::Uniform
                 && is_word
                 && row.name != "reserved"
-                && row.address != map::RENEW
+                && row.address != modbus::address::RENEW
         });
         let served: Vec<_> = words.map(|row| (row.address, row.count)).collect();
         let named: Vec<_> = UNIFORM

@@ -111,38 +111,40 @@ macro_rules! declare_table {
                 }
             )?)+
 
-            /// The table as it is declared.
-            #[cfg(test)]
-            pub fn declared($($given: $context)?) -> $crate::toml_file::declare::DeclaredTable {
-                use $crate::toml_file::declare;
-                let _table = Self::default();
-                let mut keys = Vec::new();
-                $({
-                    $(let $earlier = &_table.$earlier;)*
-                    let form: declare::KeyForm<'_, $type> = $form;
-                    let about: &[&str] = &[$($about),*];
-                    keys.push(declare::DeclaredKey {
-                        name: [$($key,)? stringify!($field)][0],
-                        valid: form.valid,
-                        default: [
-                            $(Some($words.to_owned()),)?
-                            $(Some(stringify!($default).to_owned()),)?
-                            $(Some(format!("\"{}\"", $crate::toml_file::values::duration_text($constant))),)?
-                            $(Some(stringify!($value).to_owned()),)?
-                            None,
-                        ][0].clone(),
-                        has_valid_default: [
-                            $(declare::or_default(&_table.$field, || $form, stringify!($default)).is_some(),)?
-                            true,
-                        ][0],
-                        about: about.iter().map(|line| line.trim()).collect::<Vec<_>>().join(" "),
-                    });
-                })+
-                declare::DeclaredTable {
-                    header: $header,
-                    says: [$($says),+].map(str::trim).join(" "),
-                    keys,
-                    refused: [$($refused,)? &[]][0],
+            $crate::toml_file::declare::in_tests! {
+                /// The table as it is declared.
+                #[allow(dead_code, reason = "references have not all tables")]
+                pub fn declared($($given: $context)?) -> $crate::toml_file::declare::DeclaredTable {
+                    use $crate::toml_file::declare;
+                    let _table = Self::default();
+                    let mut keys = Vec::new();
+                    $({
+                        $(let $earlier = &_table.$earlier;)*
+                        let form: declare::KeyForm<'_, $type> = $form;
+                        let about: &[&str] = &[$($about),*];
+                        keys.push(declare::DeclaredKey {
+                            name: [$($key,)? stringify!($field)][0],
+                            valid: form.valid,
+                            default: [
+                                $(Some($words.to_owned()),)?
+                                $(Some(stringify!($default).to_owned()),)?
+                                $(Some(format!("\"{}\"", $crate::toml_file::values::duration_text($constant))),)?
+                                $(Some(stringify!($value).to_owned()),)?
+                                None,
+                            ][0].clone(),
+                            has_valid_default: [
+                                $(declare::or_default(&_table.$field, || $form, stringify!($default)).is_some(),)?
+                                true,
+                            ][0],
+                            about: about.iter().map(|line| line.trim()).collect::<Vec<_>>().join(" "),
+                        });
+                    })+
+                    declare::DeclaredTable {
+                        header: $header,
+                        says: [$($says),+].map(str::trim).join(" "),
+                        keys,
+                        refused: [$($refused,)? &[]][0],
+                    }
                 }
             }
         }
@@ -153,6 +155,20 @@ macro_rules! declare_table {
     };
 }
 pub use declare_table;
+
+/// What only tests need, those of other crates included.
+#[cfg(any(test, feature = "testing"))]
+#[macro_export]
+macro_rules! in_tests {
+    ($($item:tt)+) => { $($item)+ };
+}
+/// What only tests need.
+#[cfg(not(any(test, feature = "testing")))]
+#[macro_export]
+macro_rules! in_tests {
+    ($($item:tt)+) => {};
+}
+pub use in_tests;
 
 /// A key that is known but refused, because an operator who wrote it would rely on a missing function.
 #[derive(Clone, Copy, Debug)]

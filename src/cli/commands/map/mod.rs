@@ -2,7 +2,6 @@
 
 mod form;
 
-use crate::cli::tools::client::UNIFORM;
 use crate::cli::tools::{CommandFailure, input, print};
 use crate::config::{Config, ListenerSettings};
 use crate::daemon::lines::build;
@@ -99,7 +98,7 @@ fn maps(config: &Config) -> Vec<UnitMap> {
             drive,
             drive.uniform_unit,
             "uniform",
-            |rights| rows_with_tool_names(sheet::uniform(drive, rights)),
+            |rights| sheet::uniform(drive, rights),
         ));
     }
     let lines: Vec<_> = config.lines.iter().map(|line| line.name.as_str()).collect();
@@ -176,27 +175,6 @@ fn of_listener(listener: &ListenerSettings) -> Rights {
         write: !listener.write.is_empty() && has_role(|role| role.write),
         stop: !stop.is_empty() && has_role(|role| role.stop),
     }
-}
-
-/// The rows with the names that `read` and `watch` use.
-fn rows_with_tool_names(rows: Vec<SheetRow>) -> Vec<SheetRow> {
-    let name = |row: &SheetRow| {
-        let is_bit = matches!(
-            row.table,
-            sheet::SheetTable::Coil | sheet::SheetTable::Discrete
-        );
-        if is_bit {
-            return String::new();
-        }
-        let word = UNIFORM.iter().find(|word| word.address == row.address);
-        word.map_or_else(String::new, |word| word.name.to_owned())
-    };
-    rows.into_iter()
-        .map(|row| SheetRow {
-            name: name(&row),
-            ..row
-        })
-        .collect()
 }
 
 #[cfg(test)]

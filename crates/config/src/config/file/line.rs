@@ -7,14 +7,15 @@ use super::kinds::{baud, flag, hours, ms, name, port, reply_timeout, seconds, ti
 use crate::domain::ids::Name;
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, LinkSettings, Parity};
 use crate::domain::standby::StandbyPair;
-use crate::toml_file::declare::{KeyForm, declare_table, each, optional, required};
+use crate::toml_file::declare::{KeyForm, declare_table, each, in_tests, optional, required};
 use crate::toml_file::values::ValueKind;
 use crate::toml_file::words::{ECHO_POLICIES, FRAMINGS, INTERFACES, PARITIES};
 use crate::toml_file::{OptionalKey, RequiredKey, TableReader};
 use std::time::Duration;
 
-#[cfg(test)]
-const FACTORY: &str = "the factory setting that the models of the line share, if there is one";
+in_tests! {
+    const FACTORY: &str = "the factory setting that the models of the line share, if there is one";
+}
 
 declare_table! {
     /// One `[[line]]`.

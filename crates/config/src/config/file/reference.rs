@@ -9,7 +9,8 @@ use super::listener::{ListenerFile, ListenerTlsFile};
 use super::mqtt::{HomeAssistantFile, MqttFile, SparkplugFile};
 use super::serial::SerialFile;
 use super::{GatewayFile, JournalFile, StandbyFile};
-use crate::toml_file::declare::{DeclaredKey, DeclaredTable, KeyForm};
+use crate::profile::register::{RegisterFile, RegisterSource};
+use crate::toml_file::declare::{DeclaredKey, DeclaredTable};
 
 /// Keys that exclude another one, or that need what the example has not, so that it shows them in a comment only.
 const EXCLUDED: [&str; 15] = [
@@ -71,70 +72,18 @@ pub fn names() -> Vec<&'static str> {
     keys.map(|key| key.name).collect()
 }
 
-/// Registers of the operator's own, which the reader of model files reads.
+/// Registers of the operator's own, of which the keys are declared for model files.
 fn registers() -> DeclaredTable {
-    let key = |name, notation: &str, default: Option<&str>, about: &str| DeclaredKey {
-        name,
-        valid: KeyForm::new(notation, |_, _| ()).valid,
-        default: default.map(str::to_owned),
-        has_valid_default: true,
-        about: about.to_owned(),
-    };
-    let tables = "\"holding\", \"input\", \"coil\" or \"discrete\"";
-    let access = "\"read\", \"write\" or \"read-write\"";
-    let native = "The access that the drive allows. Written only if `native` lists it.";
-    DeclaredTable {
-        header: "[[line.drive.register]]",
-        says: String::new(),
-        keys: vec![
-            key(
-                "name",
-                "snake_case, new in the model",
-                None,
-                "The name of the value.",
-            ),
-            key("title", "text", None, "A description in words."),
-            key("code", "text", Some("none"), "The vendor's own code."),
-            key(
-                "address",
-                "0x0000 to 0xFFFF, new in the model",
-                None,
-                "Address as sent on the wire.",
-            ),
-            key(
-                "table",
-                tables,
-                Some("holding"),
-                "The table of the Modbus data model that it is in.",
-            ),
-            key(
-                "unit",
-                "unit of measure",
-                None,
-                "Unit of the value; \"-\" for a plain number.",
-            ),
-            key(
-                "scale",
-                "whole number from 1",
-                Some("1"),
-                "Raw steps per unit: 100 means that raw 5000 is 50.00.",
-            ),
-            key(
-                "signed",
-                "true or false",
-                Some("false"),
-                "Whether the raw word is in two's complement.",
-            ),
-            key("access", access, None, native),
-            key(
-                "poll",
-                "\"fast\" or \"slow\"",
-                Some("read only when asked for"),
-                "How often it is polled.",
-            ),
-        ],
-        refused: &[],
+    let mut table = RegisterFile::declared(&RegisterSource::Configuration);
+    table.header = "[[line.drive.register]]";
+    // The others are keys of a model file only.
+    table.keys.retain(|key| !key.valid.notation.is_empty());
+    for key in &mut table.keys {
+        if key.valid.is_required {
+            key.default = None;
+        }
     }
+    table
 }
 
 /// How the reference writes a key.

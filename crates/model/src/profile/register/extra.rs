@@ -7,9 +7,7 @@ use crate::profile::model::{Model, Register, RegisterRole};
 use crate::toml_file::{LocatedValue, TableReader, TomlSection};
 use std::borrow::Cow;
 
-/// Reads a register that the gateway's configuration adds to a model: `name`, `title`, `address`, `unit` and
-/// `access`; optionally `table`, `code`, `scale`, `signed` and `poll`. Its confidence is [`Confidence::Configured`], and it
-/// has no role.
+/// Reads a register that the gateway's configuration adds to a model. Its confidence is [`Confidence::Configured`].
 pub fn extra_register(section: TomlSection<'_>, problems: &mut Vec<Problem>) -> RegisterFile {
     RegisterFile::of(
         &RegisterSource::Configuration,

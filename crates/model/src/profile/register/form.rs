@@ -211,7 +211,7 @@ fn basis(name: &str, all: &[RegisterFile]) -> Option<BasisRegister> {
 /// A whole number of steps per unit, or a table with `steps` and `per`.
 pub(super) fn steps() -> KeyForm<'static, OptionalKey<RawSteps>> {
     let kind = raw_steps();
-    let right = format!("{}, or a table", kind.right());
+    let [notation, right] = [kind.notation(), kind.right()].map(|it| format!("{it}, or a table"));
     let form = KeyForm::of(kind, |reader, key, kind| {
         let LocatedValue { value, location } = match reader.value_or_table(key, kind) {
             OptionalKey::Absent => return OptionalKey::Absent,
@@ -233,7 +233,7 @@ pub(super) fn steps() -> KeyForm<'static, OptionalKey<RawSteps>> {
             location,
         })
     });
-    form.right(right)
+    form.listed_as(notation).right(right)
 }
 
 /// The table `steps`: raw steps per unit by the word of the other register.

@@ -39,7 +39,7 @@ declare_table! {
     RegisterFile is "[[register]]" with source: &RegisterSource<'_> {
         /// What it rests on.
         origin: Option<Origin> = source.origin();
-        /// Its name, unique in the file; what topics, `read` and `write` call it.
+        /// Its name, unique in the model; what topics, `read` and `write` call it.
         name: RequiredKey<String> = required(ValueKind::parsed(
             "snake_case: a to z, 0 to 9 and `_`, a letter first",
             name,
@@ -48,16 +48,16 @@ declare_table! {
         title: RequiredKey<String> = required(ValueKind::text());
         /// The vendor's code, as `F007`.
         code: OptionalKey<String> = optional(ValueKind::text()), without "none";
-        /// The address as it is sent on the wire, counted from 0. Required unless `[codes]` gives it.
-        address after code: RequiredKey<u16> = address(code, source.rule()), without "that of `code`";
-        /// The table of the Modbus data model that the address is in. `functions` lists the ones that read and write it. A coil
-        /// or a discrete input is 0 or 1.
+        /// The address as it is sent on the wire, counted from 0.
+        address after code: RequiredKey<u16> = source.address(code),
+            without "required unless `[codes]` gives that of `code`";
+        /// The table of the Modbus data model that the address is in. `functions` of the model lists the ones that read and write
+        /// it. A coil or a discrete input is 0 or 1.
         table: OptionalKey<DataTable> = optional(ValueKind::one_of(&TABLES)),
             or DataTable::Holding, without "`holding`";
         /// Raw steps in one unit: with 100 a raw 4250 is 42.50. Or a ratio: value = raw x per / steps.
         scale: OptionalKey<RawSteps> = form::steps(), or RawSteps::ONE, without "1";
-        /// Whether the number is in two's complement. Required with `not_stated = ["sign"]`: below half of the range both
-        /// readings agree.
+        /// Whether the number is in two's complement.
         signed: OptionalKey<bool> = optional(ValueKind::flag()), or false;
         /// The unit of the value; `-` for none.
         unit: RequiredKey<UnitOfMeasure> = required(ValueKind::one_of(&UNITS));
@@ -96,7 +96,8 @@ declare_table! {
         /// The drive never answers a write of this register, as of one that restarts it. It is written once; its outcome is read
         /// when the time of `deaf_after` is over. Of all orders only `reset` may be written there.
         no_reply: OptionalKey<bool> = source.of_model(optional(ValueKind::flag())), or false;
-        /// What of this row its source does not state, so that it is not proven.
+        /// What of this row its source does not state, so that it is not proven. With `"sign"`, `signed` is required: below half
+        /// of the range both readings agree.
         not_stated: OptionalKey<Vec<LocatedValue<FactPart>>> =
             source.of_model(list(ValueKind::one_of(&PARTS))), without "none";
     }
@@ -116,10 +117,11 @@ pub enum RegisterSource<'s> {
 }
 
 impl RegisterSource<'_> {
-    fn rule(&self) -> Option<&CodeRule> {
+    /// The address, which a model file may leave to its rule for codes.
+    fn address<'k>(&'k self, code: &'k OptionalKey<String>) -> KeyForm<'k, RequiredKey<u16>> {
         match self {
-            Self::Configuration => None,
-            Self::Model { rule, .. } => *rule,
+            Self::Configuration => required(ValueKind::address()),
+            Self::Model { rule, .. } => address(code, *rule),
         }
     }
 

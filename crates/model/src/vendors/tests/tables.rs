@@ -1,11 +1,11 @@
-//! The tables of models in `docs/drives.md`, made from the models. `UPDATE_GOLDEN=1` rewrites them.
+//! What documents list of all models, made from the models. `UPDATE_GOLDEN=1` rewrites it.
 
 use super::CATALOG;
 use crate::profile::model::{Confidence, FactPart, IndicatedState, Model, OrderKind, RegisterRole};
 use crate::toml_file::words::{FRAMINGS, INTERFACES, word_for};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 const BEGIN: &str = "<!-- made from the models -->\n";
 const END: &str = "<!-- end -->\n";
@@ -119,30 +119,69 @@ fn of_makers() -> String {
     let mut text = "\n| maker | drives |\n| --- | --- |\n".to_owned();
     for (maker, models) in makers() {
         let anchor = maker.to_lowercase().replace(' ', "-");
-        let name = |model: &&Model| {
-            let only_read = if model.run.is_none() {
-                " (only read)"
-            } else {
-                ""
-            };
-            format!("{}{only_read}", model.title)
-        };
-        let names: Vec<_> = models.iter().map(name).collect();
-        let _ = writeln!(text, "| [{maker}](#{anchor}) | {} |", names.join("; "));
+        let names = names_of(&models);
+        let _ = writeln!(text, "| [{maker}](#{anchor}) | {names} |");
     }
     text
 }
 
-#[test]
-fn the_tables_of_models_are_those_of_the_document() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/drives.md");
+/// The titles of `models`.
+fn names_of(models: &[&Model]) -> String {
+    let name = |model: &&Model| {
+        let only_read = if model.run.is_none() {
+            " (only read)"
+        } else {
+            ""
+        };
+        format!("{}{only_read}", model.title)
+    };
+    let names: Vec<_> = models.iter().map(name).collect();
+    names.join("; ")
+}
+
+/// The pages of first steps, each with the models that it names.
+fn of_first_steps() -> String {
+    let entries = std::fs::read_dir(root().join("docs/first-steps")).unwrap();
+    let mut paths: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    let mut text = "\n| maker | drives | guide |\n| --- | --- | --- |\n".to_owned();
+    for path in paths {
+        let page = std::fs::read_to_string(&path).unwrap();
+        let is_in = |model: &&Model| page.contains(&format!("`model = \"{}\"`", model.id));
+        for (maker, mut models) in makers() {
+            models.retain(is_in);
+            if !models.is_empty() {
+                let file = path.file_name().unwrap().display();
+                let names = names_of(&models);
+                let _ = writeln!(text, "| {maker} | {names} | [{file}]({file}) |");
+            }
+        }
+    }
+    text + "\n"
+}
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// Holds what stands between `begin` and `end` in `document` against what is `made`.
+fn compare(document: &str, begin: &str, end: &str, made: &str) {
+    let path = root().join(document);
     let text = std::fs::read_to_string(&path).unwrap();
-    let (before, rest) = text.split_once(BEGIN).unwrap();
-    let (found, after) = rest.split_once(END).unwrap();
-    let made = of_document();
+    let (before, rest) = text.split_once(begin).unwrap();
+    let (found, after) = rest.split_once(end).unwrap();
     if std::env::var_os("UPDATE_GOLDEN").is_some() && found != made {
-        std::fs::write(&path, format!("{before}{BEGIN}{made}{END}{after}")).unwrap();
+        std::fs::write(&path, format!("{before}{begin}{made}{end}{after}")).unwrap();
         return;
     }
-    assert_eq!(found, made, "docs/drives.md");
+    assert_eq!(found, made, "{document}");
+}
+
+#[test]
+fn documents_list_the_models_that_there_are() {
+    compare("docs/drives.md", BEGIN, END, &of_document());
+    compare("docs/first-steps/README.md", BEGIN, END, &of_first_steps());
+    let models = CATALOG.models().count();
+    let sum = format!("{models} models of {} makers", makers().len());
+    compare("README.md", "It knows [", "](docs/drives.md)", &sum);
 }

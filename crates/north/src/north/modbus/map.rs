@@ -3,6 +3,7 @@
 
 use super::own;
 use super::uniform::{ABSENT, ABSENT_SIGNED, WORDS, address};
+use crate::domain::units::UnitOfMeasure;
 
 /// Which unit a row belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -49,8 +50,8 @@ pub enum RowRepeat {
 /// What a row holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RowContent {
-    /// A number in steps of this size in a unit of measure.
-    Steps(&'static str, &'static str),
+    /// A number in this many steps per unit of measure.
+    Steps(u32, UnitOfMeasure),
     /// A plain number, and its behaviour at its ends.
     Number(&'static str),
     /// Numbers or bits with their meanings, separated by commas.
@@ -70,6 +71,8 @@ pub struct MapRow {
     pub address: u16,
     /// How many addresses; for a number with more than one, the high word is first.
     pub count: u16,
+    /// Its name for programs; empty if it has none.
+    pub key: &'static str,
     /// What it is.
     pub name: &'static str,
     /// What it holds.
@@ -98,6 +101,7 @@ pub(super) const fn row(
         table,
         address,
         count: 1,
+        key: "",
         name,
         holds,
         absent,
@@ -169,9 +173,9 @@ const fn drive(offset: u16, name: &'static str, holds: RowContent) -> MapRow {
 
 const YES: RowContent = RowContent::Codes("1 yes");
 pub(super) const COUNT: RowContent = RowContent::Number("wraps");
-pub(super) const SECONDS: RowContent = RowContent::Steps("1", "s");
-pub(super) const HUNDREDTHS: RowContent = RowContent::Steps("0.01", "Hz");
-pub(super) const AGE: RowContent = RowContent::Steps("0.01", "s");
+pub(super) const SECONDS: RowContent = RowContent::Steps(1, UnitOfMeasure::Second);
+pub(super) const HUNDREDTHS: RowContent = RowContent::Steps(100, UnitOfMeasure::Hertz);
+pub(super) const AGE: RowContent = RowContent::Steps(100, UnitOfMeasure::Second);
 pub(super) const TRIP: RowContent = RowContent::Codes("the vendor's number, 0 none");
 pub(super) const TRIPS: RowContent = RowContent::Number("stays at 65534");
 pub(super) const RESERVED: RowContent = RowContent::Number("0");
@@ -280,7 +284,11 @@ const OWN: [MapRow; OWN_ROWS] = [
     drive(2, "output frequency", HUNDREDTHS),
     drive(3, "frequency setting of the drive", HUNDREDTHS),
     drive(4, "trip code", TRIP),
-    drive(5, "output current", RowContent::Steps("0.1", "A")),
+    drive(
+        5,
+        "output current",
+        RowContent::Steps(10, UnitOfMeasure::Ampere),
+    ),
     drive(6, "age of the oldest polled value, 65535 more", AGE),
     drive(7, "trips that are kept", TRIPS),
 ];

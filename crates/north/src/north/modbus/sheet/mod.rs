@@ -14,6 +14,7 @@ pub use uniform::uniform;
 use super::map::{MapRow, MapTable, RowContent};
 use super::uniform::ABSENT;
 use crate::domain::command::Reason;
+use crate::profile::scale::{Decimal, digits_of};
 
 /// Which Modbus tables contain a row, with the functions that reach it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -179,10 +180,10 @@ impl SheetRow {
 fn of_map(row: &MapRow, address: u16) -> SheetRow {
     let table = SheetTable::from(row.table);
     let (step, unit, meaning) = match row.holds {
-        RowContent::Steps(step, unit) => (step, unit, String::new()),
-        RowContent::Number(about) => ("1", "", about.to_owned()),
-        RowContent::Codes(codes) => ("", "", codes.to_owned()),
-        RowContent::Reason => ("", "", reasons()),
+        RowContent::Steps(count, unit) => (step_text(count), unit.symbol(), String::new()),
+        RowContent::Number(about) => (step_text(1), "", about.to_owned()),
+        RowContent::Codes(codes) => (String::new(), "", codes.to_owned()),
+        RowContent::Reason => (String::new(), "", reasons()),
     };
     let format = match (table, row.is_signed()) {
         (SheetTable::Coil | SheetTable::Discrete, _) => SheetFormat::Bit,
@@ -197,9 +198,9 @@ fn of_map(row: &MapRow, address: u16) -> SheetRow {
         count: row.count,
         of: String::new(),
         code: String::new(),
-        name: String::new(),
+        name: row.key.to_owned(),
         title: row.name.to_owned(),
-        step: step.to_owned(),
+        step,
         unit,
         format,
         is_read: true,
@@ -210,6 +211,11 @@ fn of_map(row: &MapRow, address: u16) -> SheetRow {
             .map(|absent| absent_text(row.count, absent, "not known"))
             .unwrap_or_default(),
     }
+}
+
+/// One of `count` steps, as a decimal.
+fn step_text(count: u32) -> String {
+    Decimal::new(1, digits_of(count)).to_string()
 }
 
 /// The text that `absent` in each of `count` words means `why`.

@@ -22,6 +22,7 @@ use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
 use crate::wire::exception;
 use sources::MeasurementSources;
+use table::{CONTROL_LAST, PICTURE_WORDS};
 
 /// Addresses of the uniform map that can be written.
 pub mod address {
@@ -45,10 +46,6 @@ pub mod address {
 
 /// Version of the map: uniform word 0.
 pub const MAP_VERSION: u16 = 1;
-/// Words from 0 on that 03 and 04 read.
-const PICTURE_WORDS: u16 = 40;
-/// The last word of control.
-const CONTROL_LAST: u16 = 261;
 /// Discrete inputs: the bits of word 1.
 const STATUS_BITS: u16 = 16;
 
@@ -126,7 +123,7 @@ impl UniformUnit {
         }
     }
 
-    /// Fills in `count` holding registers from `address` on: 0 to 31 or 256 to 261.
+    /// Fills in `count` holding registers from `address` on, all of the view or all of control.
     pub fn read(
         &self,
         address: u16,

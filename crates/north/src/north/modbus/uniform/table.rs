@@ -5,8 +5,8 @@ use super::super::map::{
     TRIP, TRIPS, row,
 };
 use super::column::{ABSENT, ABSENT_SIGNED, MeasurementSource, unit_of};
-use super::words::{WordContext, age_word, life};
-use super::{CONTROL_LAST, MAP_VERSION, PICTURE_WORDS, UniformUnit, address, status};
+use super::words::{WordContext, life};
+use super::{MAP_VERSION, UniformUnit, address, status};
 use crate::drive::usage::UsagePart;
 use crate::profile::model::RegisterRole::{
     self, DcLinkVoltage, FrequencySetting, OutputCurrent, OutputFrequency, OutputPower,
@@ -29,16 +29,16 @@ enum WordSource {
     /// The measurement with this role, with its number of steps per unit.
     Measurement(RegisterRole, WordSteps),
     /// This sum of what the drive has used, in this many steps per unit.
-    Usage(UsagePart, u64),
+    Usage(UsagePart, u32),
 }
 
 /// How a measurement becomes a word, or two.
 #[derive(Clone, Copy)]
 enum WordSteps {
-    Unsigned(i64),
+    Unsigned(u32),
     /// Without its sign, in hundredths.
     Frequency,
-    Signed(i64),
+    Signed(u32),
     /// Whole numbers in two words, the high one first.
     Long,
 }
@@ -63,6 +63,7 @@ enum Capability {
 
 const TENTHS: WordSteps = WordSteps::Unsigned(10);
 const FINE: WordSteps = WordSteps::Unsigned(100);
+const SIGNED_TENTHS: WordSteps = WordSteps::Signed(10);
 const OUTCOMES: RowContent = RowContent::Codes(
     "0 none so far, 1 refused, 2 expired, 3 superseded, 4 failed, 5 unknown, 6 acknowledged, 7 confirmed",
 );
@@ -81,18 +82,31 @@ const CAPABILITIES: RowContent =
 
 type Read = fn(&UniformUnit, &WordContext<'_>) -> u16;
 
-const fn state(address: u16, name: &'static str, holds: RowContent, read: Read) -> WordRow {
+const fn state(
+    address: u16,
+    key: &'static str,
+    name: &'static str,
+    holds: RowContent,
+    read: Read,
+) -> WordRow {
+    let row = row(MapUnit::Uniform, MapTable::Word, address, name, holds);
     WordRow {
-        row: row(MapUnit::Uniform, MapTable::Word, address, name, holds),
+        row: MapRow { key, ..row },
         from: WordSource::State(read),
         has: Capability::Always,
     }
 }
 
-const fn control(address: u16, name: &'static str, holds: RowContent, read: Read) -> WordRow {
+const fn control(
+    address: u16,
+    key: &'static str,
+    name: &'static str,
+    holds: RowContent,
+    read: Read,
+) -> WordRow {
     let row = row(MapUnit::Uniform, MapTable::Holding, address, name, holds);
     WordRow {
-        row,
+        row: MapRow { key, ..row },
         from: WordSource::State(read),
         has: Capability::Always,
     }
@@ -100,21 +114,22 @@ const fn control(address: u16, name: &'static str, holds: RowContent, read: Read
 
 const fn measured(
     address: u16,
+    key: &'static str,
     name: &'static str,
     role: RegisterRole,
     steps: WordSteps,
 ) -> WordRow {
-    let step = match steps {
-        WordSteps::Unsigned(count) | WordSteps::Signed(count) => step_text(count),
-        WordSteps::Frequency => step_text(100),
-        WordSteps::Long => step_text(1),
+    let per_unit = match steps {
+        WordSteps::Unsigned(count) | WordSteps::Signed(count) => count,
+        WordSteps::Frequency => 100,
+        WordSteps::Long => 1,
     };
     let row = row(
         MapUnit::Uniform,
         MapTable::Word,
         address,
         name,
-        RowContent::Steps(step, unit_of(role).symbol()),
+        RowContent::Steps(per_unit, unit_of(role)),
     );
     let row = match steps {
         WordSteps::Unsigned(_) | WordSteps::Frequency => row.or_absent(),
@@ -122,33 +137,26 @@ const fn measured(
         WordSteps::Long => row.or_absent().words(2),
     };
     WordRow {
-        row,
+        row: MapRow { key, ..row },
         from: WordSource::Measurement(role, steps),
         has: Capability::Measurement,
     }
 }
 
-const fn used(address: u16, name: &'static str, part: UsagePart, steps: u64) -> WordRow {
-    let row = row(
-        MapUnit::Uniform,
-        MapTable::Word,
-        address,
-        name,
-        RowContent::Steps(step_text(steps as i64), part.unit().symbol()),
-    );
+const fn used(
+    address: u16,
+    key: &'static str,
+    name: &'static str,
+    part: UsagePart,
+    steps: u32,
+) -> WordRow {
+    let holds = RowContent::Steps(steps, part.unit());
+    let row = row(MapUnit::Uniform, MapTable::Word, address, name, holds);
+    let row = row.or_absent().words(2);
     WordRow {
-        row: row.or_absent().words(2),
+        row: MapRow { key, ..row },
         from: WordSource::Usage(part, steps),
         has: Capability::Usage,
-    }
-}
-
-/// One of this many steps per unit, as text.
-const fn step_text(count: i64) -> &'static str {
-    match count {
-        100 => "0.01",
-        10 => "0.1",
-        _ => "1",
     }
 }
 
@@ -187,20 +195,20 @@ impl WordRow {
                     .and_then(|column| column.fresh(look.view, look.present.now));
                 match steps {
                     WordSteps::Unsigned(steps) => {
-                        fresh.map_or(ABSENT, |value| value.unsigned(steps))
+                        fresh.map_or(ABSENT, |value| value.unsigned(steps.into()))
                     }
                     WordSteps::Frequency => {
                         fresh.map_or(ABSENT, |value| value.magnitude().unsigned(100))
                     }
                     WordSteps::Signed(steps) => {
-                        fresh.map_or(ABSENT_SIGNED, |value| value.signed(steps))
+                        fresh.map_or(ABSENT_SIGNED, |value| value.signed(steps.into()))
                     }
                     WordSteps::Long => self.long(address, fresh.map(|value| value.in_steps(1))),
                 }
             }
             WordSource::Usage(part, steps) => {
                 let used = if unit.sources.usage.has(part) {
-                    look.view.usage.steps(part, steps)
+                    look.view.usage.steps(part, steps.into())
                 } else {
                     None
                 };
@@ -249,79 +257,157 @@ impl WordRow {
 }
 
 /// All words, in order of address.
-pub(in super::super) const WORDS: [WordRow; WORD_ROWS] = [
-    state(0, "map version", RowContent::Number("1"), |_, _| {
-        MAP_VERSION
-    }),
+pub(in super::super) const WORDS: &[WordRow] = &[
+    state(
+        0,
+        "map_version",
+        "map version",
+        RowContent::Number("1"),
+        |_, _| MAP_VERSION,
+    ),
     state(
         1,
+        "status",
         "status bits",
         RowContent::Codes("bit n is discrete input n"),
         UniformUnit::status_word,
     ),
-    state(2, "run state", RUN_STATES, |_, look| {
+    state(2, "run_state", "run state", RUN_STATES, |_, look| {
         status::run_state(look.view).number()
     }),
-    state(3, "trip code", TRIP, UniformUnit::trip_code).where_it_has(Capability::Tripped),
-    measured(4, "output frequency", OutputFrequency, WordSteps::Frequency),
+    state(3, "trip_code", "trip code", TRIP, UniformUnit::trip_code)
+        .where_it_has(Capability::Tripped),
+    measured(
+        4,
+        "output_frequency",
+        "output frequency",
+        OutputFrequency,
+        WordSteps::Frequency,
+    ),
     measured(
         5,
+        "setpoint",
         "frequency setting of the drive",
         FrequencySetting,
         WordSteps::Frequency,
     ),
-    measured(6, "output current", OutputCurrent, TENTHS),
-    measured(7, "output voltage", OutputVoltage, TENTHS),
-    measured(8, "DC link voltage", DcLinkVoltage, TENTHS),
-    measured(9, "output power", OutputPower, TENTHS),
-    measured(10, "torque", Torque, WordSteps::Signed(10)),
-    measured(11, "temperature", Temperature, WordSteps::Signed(10)),
+    measured(6, "current", "output current", OutputCurrent, TENTHS),
+    measured(7, "voltage", "output voltage", OutputVoltage, TENTHS),
+    measured(8, "dc_voltage", "DC link voltage", DcLinkVoltage, TENTHS),
+    measured(9, "power", "output power", OutputPower, TENTHS),
+    measured(10, "torque", "torque", Torque, SIGNED_TENTHS),
+    measured(11, "temperature", "temperature", Temperature, SIGNED_TENTHS),
     state(
         12,
+        "age",
         "age of the oldest polled value, 65535 more",
         AGE,
-        |unit, look| age_word(unit.sources.oldest_age(look.view, look.present.now)),
+        UniformUnit::oldest_age,
     )
     .where_it_has(Capability::Polled),
-    state(13, "trips that are kept", TRIPS, UniformUnit::trips_kept)
-        .where_it_has(Capability::Trips),
-    state(14, "code of the last of them", TRIP, UniformUnit::last_trip)
-        .where_it_has(Capability::Trips),
+    state(
+        13,
+        "trips",
+        "trips that are kept",
+        TRIPS,
+        UniformUnit::trips_kept,
+    )
+    .where_it_has(Capability::Trips),
+    state(
+        14,
+        "last_trip_code",
+        "code of the last of them",
+        TRIP,
+        UniformUnit::last_trip,
+    )
+    .where_it_has(Capability::Trips),
     state(
         15,
+        "status_mask",
         "status bits that this drive can report",
         RowContent::Codes("mask of word 1"),
         UniformUnit::status_mask,
     ),
-    state(16, "life counter, wraps", SECONDS, |_, look| {
+    state(16, "life", "life counter, wraps", SECONDS, |_, look| {
         life(look.present)
     }),
-    state(17, "alarms", ALARMS, |unit, look| {
+    state(17, "alarms", "alarms", ALARMS, |unit, look| {
         status::alarms(&unit.sources, look.view, look.present.now)
     }),
-    state(18, "lease left", SECONDS, UniformUnit::lease_left),
-    state(19, "owner of the lease", OWNERS, UniformUnit::lease_owner),
-    state(20, "lowest setpoint", HUNDREDTHS, |unit, _| unit.limits[0])
-        .where_it_has(Capability::Control),
-    state(21, "highest setpoint", HUNDREDTHS, |unit, _| unit.limits[1])
-        .where_it_has(Capability::Control),
-    measured(22, "run hours", RunHours, WordSteps::Long),
-    measured(24, "output current, finer", OutputCurrent, FINE),
-    measured(25, "output power, finer", OutputPower, FINE),
-    state(26, "capabilities", CAPABILITIES, |unit, _| {
-        unit.capabilities
-    }),
-    state(27, "reserved", RESERVED, |_, _| 0).words(5),
-    used(32, "energy used", UsagePart::Energy, 10),
-    used(34, "time of running", UsagePart::RunningHours, 10),
-    used(36, "starts", UsagePart::Starts, 1),
-    used(38, "trips, earlier processes included", UsagePart::Trips, 1),
-    control(address::RUN, "run command", RUN_VALUES, |unit, look| {
-        unit.intent(look.view)
-    })
+    state(
+        18,
+        "lease_left",
+        "lease left",
+        SECONDS,
+        UniformUnit::lease_left,
+    ),
+    state(
+        19,
+        "owner",
+        "owner of the lease",
+        OWNERS,
+        UniformUnit::lease_owner,
+    ),
+    state(
+        20,
+        "min_frequency",
+        "lowest setpoint",
+        HUNDREDTHS,
+        |unit, _| unit.limits[0],
+    )
+    .where_it_has(Capability::Control),
+    state(
+        21,
+        "max_frequency",
+        "highest setpoint",
+        HUNDREDTHS,
+        |unit, _| unit.limits[1],
+    )
+    .where_it_has(Capability::Control),
+    measured(22, "run_hours", "run hours", RunHours, WordSteps::Long),
+    measured(
+        24,
+        "current_fine",
+        "output current, finer",
+        OutputCurrent,
+        FINE,
+    ),
+    measured(25, "power_fine", "output power, finer", OutputPower, FINE),
+    state(
+        26,
+        "capabilities",
+        "capabilities",
+        CAPABILITIES,
+        |unit, _| unit.capabilities,
+    ),
+    state(27, "", "reserved", RESERVED, |_, _| 0).words(5),
+    used(32, "energy_used", "energy used", UsagePart::Energy, 10),
+    used(
+        34,
+        "running_hours",
+        "time of running",
+        UsagePart::RunningHours,
+        10,
+    ),
+    used(36, "starts", "starts", UsagePart::Starts, 1),
+    used(
+        38,
+        "total_trips",
+        "trips, earlier processes included",
+        UsagePart::Trips,
+        1,
+    ),
+    control(
+        address::RUN,
+        "run_command",
+        "run command",
+        RUN_VALUES,
+        |unit, look| unit.intent(look.view),
+    )
     .written(),
     control(
         address::SETPOINT,
+        "frequency_command",
         "frequency setpoint",
         HUNDREDTHS,
         UniformUnit::setpoint,
@@ -330,6 +416,7 @@ pub(in super::super) const WORDS: [WordRow; WORD_ROWS] = [
     .where_it_has(Capability::Control),
     control(
         address::RENEW,
+        "",
         "write any value: renew the lease; reads lease left",
         SECONDS,
         UniformUnit::lease_left,
@@ -337,27 +424,39 @@ pub(in super::super) const WORDS: [WordRow; WORD_ROWS] = [
     .written(),
     control(
         259,
+        "outcome",
         "outcome of the drive's last command",
         OUTCOMES,
         UniformUnit::last_outcome,
     ),
-    control(260, "commands", COUNT, UniformUnit::commands),
+    control(260, "commands", "commands", COUNT, UniformUnit::commands),
     control(
         261,
+        "reason",
         "reason of the drive's last command",
         RowContent::Reason,
         UniformUnit::last_reason,
     ),
 ];
 
-const WORD_ROWS: usize = 37;
+/// Words from 0 on that 03 and 04 read: those before control.
+pub(super) const PICTURE_WORDS: u16 = {
+    let mut row = 0;
+    while WORDS[row + 1].row.address < address::RUN {
+        row += 1;
+    }
+    WORDS[row].row.address + WORDS[row].row.count
+};
+/// The last word of control.
+pub(super) const CONTROL_LAST: u16 = WORDS[WORDS.len() - 1].row.address;
+
 const WORD_COUNT: usize = (PICTURE_WORDS + CONTROL_LAST - address::RUN + 1) as usize;
 
 /// Which row each word is of: first the view, then control.
 const PLACES: [u8; WORD_COUNT] = {
     let mut places = [0; WORD_COUNT];
     let mut row = 0;
-    while row < WORD_ROWS {
+    while row < WORDS.len() {
         let MapRow { address, count, .. } = WORDS[row].row;
         let mut offset = 0;
         while offset < count {
@@ -379,8 +478,7 @@ const fn index(address: u16) -> usize {
 
 /// The row of the word at `address`; `None` outside of the map.
 pub(super) fn row_at(address: u16) -> Option<&'static WordRow> {
-    static ROWS: [WordRow; WORD_ROWS] = WORDS;
     let is_there = address < PICTURE_WORDS || (address::RUN..=CONTROL_LAST).contains(&address);
     let place = is_there.then(|| PLACES.get(index(address))).flatten()?;
-    ROWS.get(usize::from(*place))
+    WORDS.get(usize::from(*place))
 }

@@ -48,6 +48,11 @@ impl UniformUnit {
         status::status(&self.sources, look.view, look.present)
     }
 
+    /// Word 12.
+    pub(super) fn oldest_age(&self, look: &WordContext<'_>) -> u16 {
+        age_word(self.sources.oldest_age(look.view, look.present.now))
+    }
+
     /// Word 15.
     pub(super) fn status_mask(&self, look: &WordContext<'_>) -> u16 {
         self.reported | look.present.standby.map_or(0, |_| status::bit::STANDBY)
@@ -155,7 +160,7 @@ pub(super) const fn life(present: &RequestContext) -> u16 {
     (present.uptime_s & 0xFFFF) as u16
 }
 
-pub(super) fn age_word(age: Option<Duration>) -> u16 {
+fn age_word(age: Option<Duration>) -> u16 {
     age.and_then(|age| u16::try_from(age.as_millis() / AGE_STEP_MS).ok())
         .unwrap_or(ABSENT)
 }
