@@ -170,7 +170,10 @@ pub struct RefusedKey {
 /// Refuses each of `keys` that the table has.
 pub fn refuse(reader: &mut TableReader<'_, '_>, keys: &[RefusedKey]) {
     for key in keys {
-        reader.refuse(key.name, key.what, key.instead);
+        match key.what {
+            Some(what) => reader.refuse(key.name, what, key.instead),
+            None => reader.refuse_unserved(key.name, key.instead),
+        }
     }
 }
 
