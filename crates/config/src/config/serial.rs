@@ -1,14 +1,13 @@
 //! Serial masters: their link, and the time that they leave for an answer.
 
-use super::file::{ConfigFile, ListenerFile, SerialFile};
+use super::file::{ConfigFile, SerialFile};
 use super::link;
-use super::listen;
+use super::lists;
 use super::port;
 use super::ready::{ListenerSettings, PortAddress, SerialMasterSettings};
 use crate::domain::link::{DirectionControl, Framing, LinkSettings};
 use crate::domain::problem::Problem;
 use crate::north::modbus::serial;
-use crate::toml_file::LocatedValue;
 use crate::toml_file::values::duration_text;
 use std::collections::BTreeSet;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -120,18 +119,23 @@ fn leaves_time(
 
 /// What the master is served, as by a listener without limits on connections, whose one client has priority.
 fn serving(serial: &SerialFile, lines: &BTreeSet<usize>) -> Option<ListenerSettings> {
-    let file = ListenerFile {
-        listen: Some(LocatedValue {
-            value: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)),
-            location: serial.location.clone(),
-        }),
-        ..serial.as_listener()
-    };
-    let settings = listen::settings(&file, lines)?;
+    let rights = serial.as_listener();
+    let write = lists::values(&rights.write)?;
     Some(ListenerSettings {
-        priority: settings.write.clone(),
+        listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)),
+        allow: None,
+        lines: serial
+            .lines
+            .settle(|_names| Some(lines.iter().copied().collect()))?,
+        stop: lists::some_values(&rights.stop)?,
+        reads_renew: serial.reads_renew()?,
+        cached: serial.cached()?,
+        units: lists::some_values(&serial.units)?,
+        connections_max: None,
+        priority: write.clone(),
+        write,
         idle_timeout: None,
         keep_alive: None,
-        ..settings
+        tls: None,
     })
 }
