@@ -63,7 +63,7 @@ pub(super) fn settle(
         limits?,
         directions?,
         on_gateway_lost?,
-        accepted.settled(model),
+        accepted.evidence(model),
         native?,
         defaults,
     )?;

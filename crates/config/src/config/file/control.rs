@@ -1,5 +1,6 @@
 //! The tables of a drive for commands and writes: `[line.drive.control]` and `[line.drive.native]`.
 
+use super::super::lists;
 use super::super::words::{
     self, ACTIONS, BUS_FUNCTIONS, COMMANDS, CommandInterface, DIRECTIONS, FAIL_SAFES, LEASES,
     ON_GATEWAY_LOST, ON_OUTPUT_OUTSIDE, OWNERSHIPS, WAYS,
@@ -93,22 +94,21 @@ declare_table! {
             constant ControlSettings::FAILSAFE_CONFIRM_TIMEOUT => failsafe_confirm_timeout;
     } fills ControlSettings with |
         file, limits: (Hertz, Hertz), directions: Vec<Direction>, on_gateway_lost: Option<OnGatewayLost>,
-        accepted: (Vec<ControlAction>, SiteEvidence), native: NativeWrites, defaults: MqttDefaults
+        site: SiteEvidence, native: NativeWrites, defaults: MqttDefaults
     | {
-        from_mqtt: file.names(CommandInterface::Mqtt).is_some(),
-        from_modbus_tcp: file.names(CommandInterface::ModbusTcp).is_some(),
-        from_page: file.names(CommandInterface::Page).is_some(),
-        from_sparkplug: file.names(CommandInterface::Sparkplug).is_some(),
+        from_mqtt: file.is_from(CommandInterface::Mqtt)?,
+        from_modbus_tcp: file.is_from(CommandInterface::ModbusTcp)?,
+        from_page: file.is_from(CommandInterface::Page)?,
+        from_sparkplug: file.is_from(CommandInterface::Sparkplug)?,
         least: limits.0,
         most: limits.1,
-        accept_unverified: accepted.0,
-        site: accepted.1,
+        accept_unverified: [lists::values(&file.accept_unverified)?, site.actions.clone()].concat(),
         restart_delay: file.restart_delay.or(defaults.restart_delay)?,
         native_write: native.addresses,
         stored_write_interval: native.stored_write_interval,
         stores_native_writes: native.stores,
         lease: file.lease.or(defaults.lease)?,
-        directions, on_gateway_lost,
+        directions, on_gateway_lost, site,
     }
 }
 
@@ -165,6 +165,11 @@ declare_table! {
 }
 
 impl ControlFile {
+    /// Whether `from` names `way`; `None` if it is invalid.
+    fn is_from(&self, way: CommandInterface) -> Option<bool> {
+        Some(lists::has(&self.from.as_ref()?.value, &way))
+    }
+
     /// The location of `way` in `from`, if it is named there.
     pub fn names(&self, way: CommandInterface) -> Option<&KeyLocation> {
         let from = self.from.as_ref()?;

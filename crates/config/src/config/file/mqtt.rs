@@ -75,9 +75,9 @@ declare_table! {
         /// The key of that certificate.
         client_key_file: OptionalKey<PathBuf> = optional(absolute_path()), without "none";
     } fills Settings with |file, lease: LeaseMode, home_assistant: Option<HomeAssistant>| {
-        alive_topic: match lease {
-            LeaseMode::Session => file.alive_topic()?,
-            LeaseMode::Explicit => None,
+        alive_topic: match (file.alive_topic()?, lease) {
+            (topic, LeaseMode::Session) => topic,
+            (_, LeaseMode::Explicit) => None,
         },
         probe_timeout: file.probe_interval()? * MqttSettings::PROBES,
         publish: file.published()?,
