@@ -77,7 +77,8 @@ pub(super) fn resolve(
     }
     let listeners = file.listeners.iter().zip(&served);
     let listeners = listeners.map(|(it, served)| listen::settings(it, served));
-    let masters = serial::settle(file, served.get(file.listeners.len()..)?, problems);
+    let of_masters = served.iter().skip(file.listeners.len());
+    let masters = serial::settle(file, of_masters, problems);
     let journal = ready_journal(file, problems);
     Some(Config {
         journal: journal?,

@@ -13,10 +13,10 @@ use std::collections::BTreeSet;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
-/// The ready serial masters; `served` holds the indices of the lines that each reaches. `None`: see `problems`.
-pub(super) fn settle(
+/// The ready serial masters; `served` has the indices of the lines that each reaches. `None`: see `problems`.
+pub(super) fn settle<'s>(
     file: &ConfigFile,
-    served: &[BTreeSet<usize>],
+    served: impl Iterator<Item = &'s BTreeSet<usize>>,
     problems: &mut Vec<Problem>,
 ) -> Option<Vec<SerialMasterSettings>> {
     let ready: Vec<_> = file
