@@ -93,22 +93,22 @@ declare_table! {
         failsafe_confirm_timeout: OptionalKey<Duration> = time(seconds(1)..=minutes(1)),
             constant ControlSettings::FAILSAFE_CONFIRM_TIMEOUT => failsafe_confirm_timeout;
     } fills ControlSettings with |
-        file, limits: (Hertz, Hertz), directions: Vec<Direction>, on_gateway_lost: Option<OnGatewayLost>,
-        site: SiteEvidence, native: NativeWrites, defaults: MqttDefaults
+        file, limits: SetpointLimits, on_gateway_lost: Option<OnGatewayLost>, site: SiteEvidence,
+        native_write: Vec<u16>, native: &NativeFile, defaults: MqttDefaults
     | {
         from_mqtt: file.is_from(CommandInterface::Mqtt)?,
         from_modbus_tcp: file.is_from(CommandInterface::ModbusTcp)?,
         from_page: file.is_from(CommandInterface::Page)?,
         from_sparkplug: file.is_from(CommandInterface::Sparkplug)?,
-        least: limits.0,
-        most: limits.1,
+        least: limits.least,
+        most: limits.most,
+        directions: file.directions()?,
         accept_unverified: [lists::values(&file.accept_unverified)?, site.actions.clone()].concat(),
         restart_delay: file.restart_delay.or(defaults.restart_delay)?,
-        native_write: native.addresses,
-        stored_write_interval: native.stored_write_interval,
-        stores_native_writes: native.stores,
+        stored_write_interval: native.stored_write_interval()?,
+        stores_native_writes: native.store()?,
         lease: file.lease.or(defaults.lease)?,
-        directions, on_gateway_lost, site,
+        on_gateway_lost, site, native_write,
     }
 }
 
@@ -120,20 +120,17 @@ declare_table! {
             required_list(ValueKind::text()).listed_as("list of codes, names or addresses");
         /// Minimum time between two writes of a register that is stored, or not known to be in RAM.
         stored_write_interval: OptionalKey<Duration> = time(seconds(1)..=hours(24)),
-            constant ControlSettings::STORED_WRITE_INTERVAL => stored_write_interval;
+            constant ControlSettings::STORED_WRITE_INTERVAL;
         /// Whether each write is followed by the word that stores parameters, for models with `[commit.store]`: no more often
         /// than `stored_write_interval`.
-        store: OptionalKey<bool> = flag(), default false => stores;
-    } fills NativeWrites with |file, addresses: Vec<u16>| { addresses, }
+        store: OptionalKey<bool> = flag(), default false;
+    }
 }
 
-/// What clients may write to a drive besides commands.
-pub struct NativeWrites {
-    /// The registers.
-    pub addresses: Vec<u16>,
-    pub stored_write_interval: Duration,
-    /// Whether each write is followed by the word that stores parameters.
-    pub stores: bool,
+/// The lowest and the highest setpoint.
+pub struct SetpointLimits {
+    pub least: Hertz,
+    pub most: Hertz,
 }
 
 /// Defaults that drives take from `[mqtt]`.
@@ -168,6 +165,12 @@ impl ControlFile {
     /// Whether `from` names `way`; `None` if it is invalid.
     fn is_from(&self, way: CommandInterface) -> Option<bool> {
         Some(lists::has(&self.from.as_ref()?.value, &way))
+    }
+
+    /// The directions in which the motor may run; `None` if the list is invalid or empty.
+    pub fn directions(&self) -> Option<Vec<Direction>> {
+        let listed = lists::some_values(&self.directions)?;
+        Some(listed.unwrap_or_else(|| vec![Direction::Forward])).filter(|list| !list.is_empty())
     }
 
     /// The location of `way` in `from`, if it is named there.

@@ -13,7 +13,7 @@ mod mqtt;
 pub(super) mod reference;
 mod serial;
 
-pub(super) use control::{ControlFile, LimitsFile, MqttDefaults, NativeFile, NativeWrites};
+pub(super) use control::{ControlFile, LimitsFile, MqttDefaults, NativeFile, SetpointLimits};
 pub(super) use drive::{DriveFile, LineDefaults};
 pub(super) use http::{HttpFile, HttpTlsFile, HttpUserFile};
 pub(super) use kinds::{ListKey, RegisterValues};
