@@ -1,11 +1,12 @@
 //! Checks that the configured clients can reach a drive, and that a lease outlasts a command.
 
-use super::file::{ConfigFile, ControlFile, DriveFile, HttpFile, LineFile, ListenerFile, MqttFile};
+use super::file::{
+    ConfigFile, ControlFile, DriveFile, DriveUnits, HttpFile, LineFile, ListenerFile, MqttFile,
+};
 use super::listen::may_be_written;
 use super::listener_tls;
 use super::mqtt::{AFTER_UNNOTICED, least_restart_delay};
 use super::ready::MqttSettings;
-use super::units::DriveUnits;
 use super::words::{CommandInterface, RoleRight};
 use crate::domain::problem::Problem;
 use crate::guard::COMMAND_DEADLINE;

@@ -1,10 +1,10 @@
-//! Turns the configuration as written into ready values: defaults, models, and the rules between keys.
+//! Turns the configuration as written into ready values, with its models and by the rules between keys.
 
-use super::file::{ConfigFile, DriveFile, LineDefaults, LineFile, MqttDefaults};
+use super::file::{ConfigFile, DriveFile, DriveUnits, LineDefaults, LineFile, MqttDefaults};
 use super::link::{self, OnLine, SettledLink};
 use super::qualified::{FILE_NAME, QualifiedResults, QualifiedStanding};
 use super::ready::{Config, DriveSettings, JournalSettings, LineSettings, PortAddress};
-use super::units::{self, DriveUnits};
+use super::units;
 use super::{
     acceptance, commanders, control, http, line_plan, listen, lists, mqtt, points, port, ratings,
     serial, standby, watchdog,
@@ -353,7 +353,6 @@ fn ready_drive(
         Framing::Rtu | Framing::Mbap => parts.model?,
         Framing::Ascii => Arc::new(parts.model?.on(line.framing)),
     };
-    let units = (units.native?, units.uniform?);
     let (control, ratings, points) = (parts.control?, parts.ratings?, parts.points?);
     drive.settings(model, units, line, control, ratings, points)
 }
