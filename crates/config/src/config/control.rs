@@ -9,7 +9,7 @@ use super::standby;
 use super::watchdog;
 use super::words::CommandInterface;
 use crate::domain::command::Direction;
-use crate::domain::control::{ControlAction, ControlSettings, FailSafe};
+use crate::domain::control::{BusFunctions, ControlAction, ControlSettings, FailSafe};
 use crate::domain::frequency::Hertz;
 use crate::domain::problem::Problem;
 use crate::domain::standby::OnGatewayLost;
@@ -120,14 +120,26 @@ fn wired(file: &ControlFile, problems: &mut Vec<Problem>) {
     {
         if action.value != FailSafe::Hold {
             let right = "\"hold\", with the stop wired to the drive's terminals, or bus = \"both\"";
-            action.refuse(standby::stopped_elsewhere(bus.value), right, problems);
+            action.refuse(cannot_be_relied_on(bus.value), right, problems);
         }
     }
-    standby::wired(file, bus.value, problems);
+    if let Some(lost) = file.on_gateway_lost.valid()
+        && matches!(lost.value, OnGatewayLost::Stop | OnGatewayLost::Coast)
+    {
+        let right = "\"hold\" or \"adopt\", or bus = \"both\"";
+        lost.refuse(cannot_be_relied_on(bus.value), right, problems);
+    }
     if let Some(directions) = file.directions.valid() {
         let what = "the direction is ordered elsewhere: `bus` takes the frequency alone";
         directions.warn(what, "leave it out", problems);
     }
+}
+
+fn cannot_be_relied_on(bus: BusFunctions) -> String {
+    format!(
+        "the drive is started and stopped elsewhere (bus = \"{}\"), so this cannot be relied on",
+        bus.keyword()
+    )
 }
 
 /// A drive that turns by the sign of its setpoint runs in reverse only if the setpoint comes over the bus.

@@ -50,7 +50,7 @@ declare_table! {
             choice(&ON_OUTPUT_OUTSIDE, words::of_output_outside), default "alarm" => on_output_outside;
         /// What happens to a drive that was ordered to run, when this gateway takes its line over: it is stopped by its ramp, its
         /// output is cut off, it goes on, or it goes on for `lost_after` so that its client can come back.
-        on_gateway_lost: OptionalKey<OnGatewayLost> = choice(&ON_GATEWAY_LOST, words::of_gateway_lost),
+        on_gateway_lost: OptionalKey<OnGatewayLost> = optional(on_gateway_lost()),
             without "none: required on a line with `standby = true`";
         /// Actions that the model marks as unproven but that you accept. "basic" is stop, forward and the setpoint together.
         accept_unverified: ListKey<ControlAction> = list(ValueKind::choice(&ACTIONS, words::of_action)),
@@ -191,6 +191,11 @@ impl ControlFile {
 
 fn fail_safe() -> ValueKind<'static, FailSafe> {
     ValueKind::choice(&FAIL_SAFES, words::of_fail_safe)
+}
+
+/// What happens to a drive when its gateway is lost.
+pub fn on_gateway_lost() -> ValueKind<'static, OnGatewayLost> {
+    ValueKind::choice(&ON_GATEWAY_LOST, words::of_gateway_lost)
 }
 
 fn lost_after() -> ValueKind<'static, Duration> {

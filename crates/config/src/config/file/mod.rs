@@ -13,7 +13,9 @@ mod mqtt;
 pub(super) mod reference;
 mod serial;
 
-pub(super) use control::{ControlFile, LimitsFile, MqttDefaults, NativeFile, SetpointLimits};
+pub(super) use control::{
+    ControlFile, LimitsFile, MqttDefaults, NativeFile, SetpointLimits, on_gateway_lost,
+};
 pub(super) use drive::{DriveFile, DriveUnits, LineDefaults};
 pub(super) use http::{HttpFile, HttpTlsFile, HttpUserFile};
 pub(super) use kinds::{ListKey, RegisterValues};
