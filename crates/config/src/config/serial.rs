@@ -64,7 +64,9 @@ fn one(
         parity: serial.parity.as_ref()?.value,
         stop_bits: serial.stop_bits()?,
     };
-    leaves_time(serial, link, framing?, problems)?;
+    if !leaves_time(serial, link, framing?, problems) {
+        return None;
+    }
     let direction = match (is_tcp, serial.direction()?) {
         (true, _) => DirectionControl::Adapter,
         (false, direction) => direction,
@@ -92,17 +94,19 @@ fn may_renew(serial: &SerialFile, problems: &mut Vec<Problem>) {
     }
 }
 
-/// The time that is left for an answer is long enough on such a link; `None` if not, see `problems`.
+/// Whether the time that is left for an answer is long enough on such a link; if not, see `problems`.
 fn leaves_time(
     serial: &SerialFile,
     link: LinkSettings,
     framing: Framing,
     problems: &mut Vec<Problem>,
-) -> Option<()> {
-    let answer_within = serial.answer_within()?;
+) -> bool {
+    let Some(answer_within) = serial.answer_within() else {
+        return false;
+    };
     let least = serial::least_answer_within(link, framing);
     if answer_within >= least {
-        return Some(());
+        return true;
     }
     let missing = serial.location.missing("answer_within");
     let location = serial.answer_within.location().unwrap_or(&missing);
@@ -114,7 +118,7 @@ fn leaves_time(
     let rounded = Duration::from_millis(rounded.saturating_add(1));
     let right = format!("at least \"{}\"", duration_text(rounded));
     location.refuse(what, right, problems);
-    None
+    false
 }
 
 /// What the master is served, as by a listener without limits on connections, whose one client has priority.
