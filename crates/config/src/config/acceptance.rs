@@ -2,6 +2,7 @@
 //! at the drive itself.
 
 use super::file::{ConfigFile, ControlFile};
+use super::lists;
 use super::qualified::QualifiedStanding;
 use crate::domain::control::{BusFunctions, ControlAction, FailSafe, SiteEvidence};
 use crate::domain::problem::Problem;
@@ -26,7 +27,7 @@ impl<'a> DriveAcceptance<'a> {
         match &self.file.accept_unverified {
             OptionalKey::Absent => false,
             OptionalKey::Invalid => true,
-            OptionalKey::Valid(list) => list.value.iter().any(|accepted| accepted.value == action),
+            OptionalKey::Valid(list) => lists::has(&list.value, &action),
         }
     }
 
