@@ -2,6 +2,7 @@
 //! at the drive itself.
 
 use super::file::{ConfigFile, ControlFile};
+use super::lists;
 use super::qualified::QualifiedStanding;
 use crate::domain::control::{BusFunctions, ControlAction, FailSafe, SiteEvidence};
 use crate::domain::problem::Problem;
@@ -26,7 +27,7 @@ impl<'a> DriveAcceptance<'a> {
         match &self.file.accept_unverified {
             OptionalKey::Absent => false,
             OptionalKey::Invalid => true,
-            OptionalKey::Valid(list) => list.value.iter().any(|accepted| accepted.value == action),
+            OptionalKey::Valid(list) => lists::has(&list.value, &action),
         }
     }
 
@@ -50,19 +51,18 @@ impl<'a> DriveAcceptance<'a> {
         }
     }
 
-    /// All accepted actions, and those of them that rest on what was seen at the drive.
-    pub fn settled(&self, model: Option<&Model>) -> (Vec<ControlAction>, SiteEvidence) {
-        let listed = super::lists::values(&self.file.accept_unverified).unwrap_or_default();
+    /// The actions that are accepted besides those that the section lists: for what was seen at the drive.
+    pub fn evidence(&self, model: Option<&Model>) -> SiteEvidence {
         let QualifiedStanding::Counts(evidence) = self.standing else {
-            return (listed, SiteEvidence::default());
+            return SiteEvidence::default();
         };
         let counts = |action: &ControlAction| {
-            !listed.contains(action) && model.is_some_and(|it| is_unproven(it, *action))
+            !self.lists(*action) && model.is_some_and(|it| is_unproven(it, *action))
         };
-        let actions: Vec<_> = evidence.actions.iter().copied().filter(counts).collect();
-        let accepted = listed.iter().chain(&actions).copied().collect();
-        let identity = evidence.identity;
-        (accepted, SiteEvidence { actions, identity })
+        SiteEvidence {
+            actions: evidence.actions.iter().copied().filter(counts).collect(),
+            identity: evidence.identity,
+        }
     }
 
     /// Reports what there is to say about trials at this drive, whose section is at `location`.

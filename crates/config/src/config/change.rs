@@ -177,15 +177,19 @@ fn change_notes(old: &Config, new: &Config) -> Vec<ChangeNote> {
         let how = PartChange::Changed;
         notes.push(ChangeNote::of_one(ConfigPart::Gateway, how));
     }
-    let kept = &mut notes;
-    one(kept, ConfigPart::Standby, &old.standby, &new.standby);
-    compare(kept, ConfigPart::Line, &lines(old), &lines(new));
-    compare(kept, ConfigPart::Drive, &drives(old), &drives(new));
-    one(kept, ConfigPart::Mqtt, &old.mqtt, &new.mqtt);
-    let part = ConfigPart::ModbusTcp;
-    compare(kept, part, &listeners(old), &listeners(new));
-    compare(kept, ConfigPart::ModbusRtu, &masters(old), &masters(new));
-    one(kept, ConfigPart::Http, &old.http, &new.http);
+    let into = &mut notes;
+    one(into, ConfigPart::Standby, &old.standby, &new.standby);
+    compare(into, ConfigPart::Line, &lines(old), &lines(new));
+    compare(into, ConfigPart::Drive, &drives(old), &drives(new));
+    one(into, ConfigPart::Mqtt, &old.mqtt, &new.mqtt);
+    compare(
+        into,
+        ConfigPart::ModbusTcp,
+        &listeners(old),
+        &listeners(new),
+    );
+    compare(into, ConfigPart::ModbusRtu, &masters(old), &masters(new));
+    one(into, ConfigPart::Http, &old.http, &new.http);
     notes
 }
 

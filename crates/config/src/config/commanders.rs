@@ -1,11 +1,12 @@
 //! Checks that the configured clients can reach a drive, and that a lease outlasts a command.
 
-use super::file::{ConfigFile, ControlFile, DriveFile, HttpFile, LineFile, ListenerFile, MqttFile};
+use super::file::{
+    ConfigFile, ControlFile, DriveFile, DriveUnits, HttpFile, LineFile, ListenerFile, MqttFile,
+};
 use super::listen::may_be_written;
 use super::listener_tls;
 use super::mqtt::{AFTER_UNNOTICED, least_restart_delay};
 use super::ready::MqttSettings;
-use super::units::DriveUnits;
 use super::words::{CommandInterface, RoleRight};
 use crate::domain::problem::Problem;
 use crate::guard::COMMAND_DEADLINE;
@@ -97,20 +98,23 @@ fn sparkplug_reaches(
     let Some(location) = control.names(CommandInterface::Sparkplug) else {
         return;
     };
-    let Some(found) = mqtt.settle(|mqtt| {
-        mqtt.sparkplug
-            .settle(|it| Some((mqtt.lease(), it.primary_host.is_absent())))
-    }) else {
-        return;
+    let found = match mqtt {
+        OptionalKey::Absent => None,
+        OptionalKey::Invalid => return,
+        OptionalKey::Valid(mqtt) => match &mqtt.value.sparkplug {
+            OptionalKey::Absent => None,
+            OptionalKey::Invalid => return,
+            OptionalKey::Valid(sparkplug) => Some((&mqtt.value, &sparkplug.value)),
+        },
     };
-    let Some((default, is_without_host)) = found.flatten() else {
+    let Some((mqtt, sparkplug)) = found else {
         let what = "commands from \"sparkplug\" are impossible: there is no `[mqtt.sparkplug]`";
         let right = "`[mqtt.sparkplug]` with `group` and `primary_host`, or leave it out";
         location.refuse(what, right, problems);
         return;
     };
-    let lease = default.and_then(|default| control.lease.or(default));
-    if lease == Some(LeaseMode::Session) && is_without_host {
+    let lease = mqtt.lease().and_then(|default| control.lease.or(default));
+    if lease == Some(LeaseMode::Session) && sparkplug.primary_host.is_absent() {
         let what =
             "a session lease of a Sparkplug host lasts while it is online, and no host is named";
         let right = "`primary_host` in `[mqtt.sparkplug]`, or lease = \"explicit\"";
@@ -258,7 +262,7 @@ fn rights_matter(listener: &ListenerFile, drives: &[&DriveFile], problems: &mut 
         "`from = [\"modbus-tcp\"]` in the `[line.drive.control]` of a drive, or leave it out";
     let commands = any(&takes_from_here);
     let stops = any(&|_| true);
-    let of = |granted: RoleRight| match granted {
+    let effect_of = |granted: RoleRight| match granted {
         RoleRight::Write => (
             commands,
             "has no effect: no drive that is served here takes commands from \"modbus-tcp\"",
@@ -269,7 +273,7 @@ fn rights_matter(listener: &ListenerFile, drives: &[&DriveFile], problems: &mut 
         ),
     };
     for role_right in listener_tls::rights(listener) {
-        let (matters, what) = of(role_right.value);
+        let (matters, what) = effect_of(role_right.value);
         if !matters {
             role_right.warn(what, right, problems);
         }
@@ -278,7 +282,7 @@ fn rights_matter(listener: &ListenerFile, drives: &[&DriveFile], problems: &mut 
         (&listener.write, RoleRight::Write),
         (&listener.stop, RoleRight::Stop),
     ] {
-        let (matters, what) = of(granted);
+        let (matters, what) = effect_of(granted);
         if let Some(list) = list.valid()
             && !matters
             && !list.value.is_empty()

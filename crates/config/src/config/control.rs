@@ -1,7 +1,7 @@
 //! Checks a drive's control section against the abilities of its model and their confidence.
 
 use super::acceptance::DriveAcceptance;
-use super::file::{ControlFile, DriveFile, LimitsFile, LineFile, MqttDefaults};
+use super::file::{ControlFile, DriveFile, LimitsFile, LineFile, MqttDefaults, SetpointLimits};
 use super::lists;
 use super::native;
 use super::qualified::QualifiedStanding;
@@ -9,7 +9,7 @@ use super::standby;
 use super::watchdog;
 use super::words::CommandInterface;
 use crate::domain::command::Direction;
-use crate::domain::control::{ControlAction, ControlSettings, FailSafe};
+use crate::domain::control::{BusFunctions, ControlAction, ControlSettings, FailSafe};
 use crate::domain::frequency::Hertz;
 use crate::domain::problem::Problem;
 use crate::domain::standby::OnGatewayLost;
@@ -34,7 +34,7 @@ pub(super) fn settle(
     standing: &QualifiedStanding,
     problems: &mut Vec<Problem>,
 ) -> Option<Option<Arc<ControlSettings>>> {
-    let native = native::settle(drive, model, problems);
+    let native_write = native::settle(drive, model, problems);
     let LocatedValue {
         value: file,
         location,
@@ -61,10 +61,10 @@ pub(super) fn settle(
     }
     let settings = file.settings(
         limits?,
-        directions?,
         on_gateway_lost?,
-        accepted.settled(model),
-        native?,
+        accepted.evidence(model),
+        native_write?,
+        &drive.native.clone().optional()?.unwrap_or_default(),
         defaults,
     )?;
     Some(Some(Arc::new(settings)))
@@ -120,14 +120,26 @@ fn wired(file: &ControlFile, problems: &mut Vec<Problem>) {
     {
         if action.value != FailSafe::Hold {
             let right = "\"hold\", with the stop wired to the drive's terminals, or bus = \"both\"";
-            action.refuse(standby::stopped_elsewhere(bus.value), right, problems);
+            action.refuse(cannot_be_relied_on(bus.value), right, problems);
         }
     }
-    standby::wired(file, bus.value, problems);
+    if let Some(lost) = file.on_gateway_lost.valid()
+        && matches!(lost.value, OnGatewayLost::Stop | OnGatewayLost::Coast)
+    {
+        let right = "\"hold\" or \"adopt\", or bus = \"both\"";
+        lost.refuse(cannot_be_relied_on(bus.value), right, problems);
+    }
     if let Some(directions) = file.directions.valid() {
         let what = "the direction is ordered elsewhere: `bus` takes the frequency alone";
         directions.warn(what, "leave it out", problems);
     }
+}
+
+fn cannot_be_relied_on(bus: BusFunctions) -> String {
+    format!(
+        "the drive is started and stopped elsewhere (bus = \"{}\"), so this cannot be relied on",
+        bus.keyword()
+    )
 }
 
 /// A drive that turns by the sign of its setpoint runs in reverse only if the setpoint comes over the bus.
@@ -156,12 +168,10 @@ fn directions(file: &ControlFile, problems: &mut Vec<Problem>) -> Option<Vec<Dir
         if list.value.is_empty() {
             let what = "an empty list lets the drive run in no direction";
             list.refuse(what, "\"forward\", \"reverse\" or both", problems);
-            return None;
         }
         lists::once(&list.value, problems);
     }
-    let directions = lists::some_values(&file.directions)?;
-    let directions = directions.unwrap_or_else(|| vec![Direction::Forward]);
+    let directions = file.directions()?;
     if let Some(below) = file.reverse_below.valid()
         && !goes_both_ways(&directions)
     {
@@ -250,7 +260,7 @@ fn limits(
     file: Option<&LimitsFile>,
     model: Option<&Model>,
     problems: &mut Vec<Problem>,
-) -> Option<(Hertz, Hertz)> {
+) -> Option<SetpointLimits> {
     let LimitsFile { min, max } = file?;
     if let Some(register) =
         model.and_then(|model| model.register_for(RegisterRole::FrequencyCommand))
@@ -262,15 +272,13 @@ fn limits(
         let what = "a drive with a maximum of 0 Hz never turns";
         max.refuse(what, "more than 0", problems);
     }
-    let (least, most) = (min.as_ref()?, max.as_ref()?.value);
-    if least.value > most {
-        let what = format!(
-            "the lowest frequency, {} Hz, is above the highest, {most} Hz",
-            least.value
-        );
-        least.refuse(what, format!("at most {most}"), problems);
+    let (min, most) = (min.as_ref()?, max.as_ref()?.value);
+    let least = min.value;
+    if least > most {
+        let what = format!("the lowest frequency, {least} Hz, is above the highest, {most} Hz");
+        min.refuse(what, format!("at most {most}"), problems);
     }
-    Some((least.value, most))
+    Some(SetpointLimits { least, most })
 }
 
 /// A limit must be a possible setpoint: one between two steps could never be reached.

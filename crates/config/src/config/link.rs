@@ -10,11 +10,20 @@ use crate::toml_file::{KeyLocation, OptionalKey};
 
 /// Default data bits of a line.
 const DEFAULT_DATA_BITS: u8 = 8;
+/// Data bits of RTU frames, which are bytes.
+const RTU_DATA_BITS: u8 = 8;
 
 /// A model of a line, with the first drive that has it.
 pub(super) struct OnLine<'a> {
     pub model: &'a Model,
     pub drive: &'a DriveFile,
+}
+
+/// All models of a line, and its framing; `None` if that is invalid.
+#[derive(Clone, Copy)]
+struct LineModels<'a> {
+    models: &'a [OnLine<'a>],
+    framing: Option<Framing>,
 }
 
 /// The settings of a line that agrees with its models.
@@ -42,7 +51,7 @@ pub(super) fn settle(
     let framing = choose(line, models, given, &FRAMING, problems);
     let given = (&line.interface, line.interface());
     let interface = choose(line, models, given, &INTERFACE, problems);
-    let with = (models, framing);
+    let with = LineModels { models, framing };
     let baud = setting(line, with, &line.baud, &BAUD, |it| it.baud, problems);
     let data_bits = data_bits(line, with, problems);
     let parity = setting(line, with, &line.parity, &PARITY, |it| it.parity, problems);
@@ -67,14 +76,14 @@ pub(super) fn settle(
     })
 }
 
-/// RTU frames are bytes, so 7 data bits are invalid there. Returns whether `given` is no such number.
+/// RTU frames are bytes, so 7 data bits are invalid there. False if `given` is another number.
 pub(super) fn rtu_has_bytes(
     given: &OptionalKey<u8>,
     framing: Option<Framing>,
     problems: &mut Vec<Problem>,
 ) -> bool {
     if let (OptionalKey::Valid(bits), Some(Framing::Rtu)) = (given, framing)
-        && bits.value != DEFAULT_DATA_BITS
+        && bits.value != RTU_DATA_BITS
     {
         let right = "8, or leave it out";
         bits.refuse("RTU frames need 8 data bits", right, problems);
@@ -83,14 +92,10 @@ pub(super) fn rtu_has_bytes(
     true
 }
 
-/// Data bits: those of RTU frames whatever the models support, and those of any framing that leaves no choice.
-fn data_bits(
-    line: &LineFile,
-    with: (&[OnLine], Option<Framing>),
-    problems: &mut Vec<Problem>,
-) -> Option<u8> {
+/// Data bits: 8 with RTU, or where no model has another choice; else as the models say.
+fn data_bits(line: &LineFile, with: LineModels<'_>, problems: &mut Vec<Problem>) -> Option<u8> {
     let given = &line.data_bits;
-    let (models, framing) = with;
+    let LineModels { models, framing } = with;
     if !rtu_has_bytes(given, framing, problems) {
         return None;
     }
@@ -162,14 +167,14 @@ fn choose<T: Copy + PartialEq>(
 /// The value of a part that defaults to the models' common factory setting, which `factory` takes from their settings.
 fn setting<T: Copy + PartialEq>(
     line: &LineFile,
-    (models, framing): (&[OnLine], Option<Framing>),
+    LineModels { models, framing }: LineModels<'_>,
     given: &OptionalKey<T>,
     part: &LinkPart<T>,
     factory: fn(LinkSettings) -> T,
     problems: &mut Vec<Problem>,
 ) -> Option<T> {
     match given {
-        OptionalKey::Absent => shared_factory(line, (models, framing?), part, factory, problems),
+        OptionalKey::Absent => shared_factory(line, models, framing?, part, factory, problems),
         OptionalKey::Invalid => None,
         OptionalKey::Valid(written) => {
             possible(&written.location, models, written.value, part, problems)
@@ -204,20 +209,21 @@ fn possible<T: Copy + PartialEq>(
 /// The factory setting common to all models. `None` without any model (all unknown).
 fn shared_factory<T: Copy + PartialEq>(
     line: &LineFile,
-    (models, framing): (&[OnLine], Framing),
+    models: &[OnLine],
+    framing: Framing,
     part: &LinkPart<T>,
     factory: fn(LinkSettings) -> T,
     problems: &mut Vec<Problem>,
 ) -> Option<T> {
     let (first, others) = models.split_first()?;
-    let factory = |on_line: &OnLine| on_line.model.link.factory_with(framing).map(factory);
-    let known = factory(first);
-    if known.is_some() && others.iter().all(|other| factory(other) == known) {
+    let of_model = |on_line: &OnLine| on_line.model.link.factory_with(framing).map(factory);
+    let known = of_model(first);
+    if known.is_some() && others.iter().all(|other| of_model(other) == known) {
         return known;
     }
     let each = models.iter().map(|on_line| {
         let id = &on_line.model.id;
-        match (factory(on_line), &on_line.model.link.default.value) {
+        match (of_model(on_line), &on_line.model.link.default.value) {
             (Some(value), _) => format!("{id} {}", (part.written)(value)),
             (None, FactorySetting::Set(of_ascii)) => {
                 format!("the factory setting of {id} is ASCII frames at {of_ascii}")
@@ -226,7 +232,7 @@ fn shared_factory<T: Copy + PartialEq>(
         }
     });
     let each = each.collect::<Vec<_>>().join(", ");
-    let why = match models.iter().any(|on_line| factory(on_line).is_none()) {
+    let why = match models.iter().any(|on_line| of_model(on_line).is_none()) {
         true => "no factory setting can be assumed",
         false => "the models of the line have different factory settings",
     };

@@ -1,11 +1,10 @@
 //! Listeners: the lines that each serves, conflicts between addresses, networks that may connect, and their rights to
 //! write.
 
-use super::file::{ConfigFile, LineFile, ListenerFile, ListenerTlsFile};
+use super::file::{ConfigFile, DriveUnits, LineFile, ListenerFile, ListenerTlsFile};
 use super::listener_tls;
 use super::lists;
 use super::ready::ListenerSettings;
-use super::units::DriveUnits;
 use super::words::RoleRight;
 use crate::domain::ids::UnitId;
 use crate::domain::problem::{Problem, nearest};

@@ -6,7 +6,7 @@ use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
 use std::collections::BTreeMap;
 use std::fmt::Display;
 
-/// Each of `names` is another one; `whose` says what has them.
+/// Reports each name that an earlier one has; `whose` says what has them.
 pub(super) fn names_differ<'a, T: Ord + Display + 'a>(
     names: impl Iterator<Item = &'a LocatedValue<T>>,
     whose: &str,
@@ -17,7 +17,7 @@ pub(super) fn names_differ<'a, T: Ord + Display + 'a>(
     differ(names, |name| name, called, &right, problems);
 }
 
-/// Each of `values` has a key of its own.
+/// Reports each value of which an earlier one has the `key`.
 pub(super) fn differ<'a, T: 'a, K: Ord>(
     values: impl Iterator<Item = &'a LocatedValue<T>>,
     key: impl Fn(&'a T) -> K,

@@ -124,31 +124,24 @@ pub fn load_at_site(
     catalog: &Catalog,
     site: Result<&QualifiedResults, &str>,
 ) -> Result<Config, Vec<Problem>> {
-    let are_all = true;
-    with_models(
-        text,
-        KnownModels {
-            catalog,
-            are_all,
-            site,
-        },
-    )
+    let models = KnownModels {
+        catalog,
+        are_all: true,
+        site,
+    };
+    with_models(text, models)
 }
 
 /// The problems of `text` with an incomplete `catalog`, some of whose model files have problems of their own: a
 /// missing model may be one of those.
 #[must_use]
 pub fn problems_without_some_models(text: &str, catalog: &Catalog) -> Vec<Problem> {
-    let (are_all, site) = (false, Ok(&QualifiedResults::default()));
-    let loaded = with_models(
-        text,
-        KnownModels {
-            catalog,
-            are_all,
-            site,
-        },
-    );
-    loaded.err().unwrap_or_default()
+    let models = KnownModels {
+        catalog,
+        are_all: false,
+        site: Ok(&QualifiedResults::default()),
+    };
+    with_models(text, models).err().unwrap_or_default()
 }
 
 fn with_models(text: &str, models: KnownModels<'_>) -> Result<Config, Vec<Problem>> {

@@ -1,19 +1,19 @@
 //! The native registers of a drive that clients may write.
 
-use super::file::{DriveFile, NativeFile, NativeWrites};
+use super::file::{DriveFile, NativeFile};
 use crate::domain::address::DataTable;
 use crate::domain::problem::{Problem, nearest};
 use crate::profile::model::{CommitEffect, Model, Register, RegisterRole};
 use crate::toml_file::{LocatedValue, OptionalKey};
 
-/// What clients may write to `drive`, addresses in the order of the list; `None` if it is invalid, see `problems`.
+/// The addresses that clients may write at `drive`, in the order of the list; `None` if it is invalid, see `problems`.
 pub(super) fn settle(
     drive: &DriveFile,
     model: Option<&Model>,
     problems: &mut Vec<Problem>,
-) -> Option<NativeWrites> {
+) -> Option<Vec<u16>> {
     let native = match &drive.native {
-        OptionalKey::Absent => return NativeFile::default().settings(Vec::new()),
+        OptionalKey::Absent => return Some(Vec::new()),
         OptionalKey::Invalid => return None,
         OptionalKey::Valid(native) => native,
     };
@@ -45,7 +45,7 @@ pub(super) fn settle(
         }
     }
     stores_by_a_word(file, model, problems);
-    file.settings(addresses)
+    Some(addresses)
 }
 
 fn stores_by_a_word(file: &NativeFile, model: &Model, problems: &mut Vec<Problem>) {

@@ -1,10 +1,10 @@
-//! Turns the configuration as written into ready values: defaults, models, and the rules between keys.
+//! Turns the configuration as written into ready values, with its models and by the rules between keys.
 
-use super::file::{ConfigFile, DriveFile, LineDefaults, LineFile, MqttDefaults};
+use super::file::{ConfigFile, DriveFile, DriveUnits, LineDefaults, LineFile, MqttDefaults};
 use super::link::{self, OnLine, SettledLink};
 use super::qualified::{FILE_NAME, QualifiedResults, QualifiedStanding};
 use super::ready::{Config, DriveSettings, JournalSettings, LineSettings, PortAddress};
-use super::units::{self, DriveUnits};
+use super::units;
 use super::{
     acceptance, commanders, control, http, line_plan, listen, lists, mqtt, points, port, ratings,
     serial, standby, watchdog,
@@ -77,7 +77,8 @@ pub(super) fn resolve(
     }
     let listeners = file.listeners.iter().zip(&served);
     let listeners = listeners.map(|(it, served)| listen::settings(it, served));
-    let masters = serial::settle(file, served.get(file.listeners.len()..)?, problems);
+    let of_masters = served.iter().skip(file.listeners.len());
+    let masters = serial::settle(file, of_masters, problems);
     let journal = ready_journal(file, problems);
     Some(Config {
         journal: journal?,
@@ -352,7 +353,6 @@ fn ready_drive(
         Framing::Rtu | Framing::Mbap => parts.model?,
         Framing::Ascii => Arc::new(parts.model?.on(line.framing)),
     };
-    let units = (units.native?, units.uniform?);
     let (control, ratings, points) = (parts.control?, parts.ratings?, parts.points?);
     drive.settings(model, units, line, control, ratings, points)
 }

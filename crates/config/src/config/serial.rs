@@ -1,23 +1,22 @@
 //! Serial masters: their link, and the time that they leave for an answer.
 
-use super::file::{ConfigFile, ListenerFile, SerialFile};
+use super::file::{ConfigFile, SerialFile};
 use super::link;
-use super::listen;
+use super::lists;
 use super::port;
 use super::ready::{ListenerSettings, PortAddress, SerialMasterSettings};
 use crate::domain::link::{DirectionControl, Framing, LinkSettings};
 use crate::domain::problem::Problem;
 use crate::north::modbus::serial;
-use crate::toml_file::LocatedValue;
 use crate::toml_file::values::duration_text;
 use std::collections::BTreeSet;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
-/// The ready serial masters; `served` holds the indices of the lines that each reaches. `None`: see `problems`.
-pub(super) fn settle(
+/// The ready serial masters; `served` has the indices of the lines that each reaches. `None`: see `problems`.
+pub(super) fn settle<'s>(
     file: &ConfigFile,
-    served: &[BTreeSet<usize>],
+    served: impl Iterator<Item = &'s BTreeSet<usize>>,
     problems: &mut Vec<Problem>,
 ) -> Option<Vec<SerialMasterSettings>> {
     let ready: Vec<_> = file
@@ -65,7 +64,9 @@ fn one(
         parity: serial.parity.as_ref()?.value,
         stop_bits: serial.stop_bits()?,
     };
-    leaves_time(serial, link, framing?, problems)?;
+    if !leaves_time(serial, link, framing?, problems) {
+        return None;
+    }
     let direction = match (is_tcp, serial.direction()?) {
         (true, _) => DirectionControl::Adapter,
         (false, direction) => direction,
@@ -93,17 +94,19 @@ fn may_renew(serial: &SerialFile, problems: &mut Vec<Problem>) {
     }
 }
 
-/// The time that is left for an answer is long enough on such a link; `None` if not, see `problems`.
+/// Whether the time that is left for an answer is long enough on such a link; if not, see `problems`.
 fn leaves_time(
     serial: &SerialFile,
     link: LinkSettings,
     framing: Framing,
     problems: &mut Vec<Problem>,
-) -> Option<()> {
-    let answer_within = serial.answer_within()?;
+) -> bool {
+    let Some(answer_within) = serial.answer_within() else {
+        return false;
+    };
     let least = serial::least_answer_within(link, framing);
     if answer_within >= least {
-        return Some(());
+        return true;
     }
     let missing = serial.location.missing("answer_within");
     let location = serial.answer_within.location().unwrap_or(&missing);
@@ -115,23 +118,28 @@ fn leaves_time(
     let rounded = Duration::from_millis(rounded.saturating_add(1));
     let right = format!("at least \"{}\"", duration_text(rounded));
     location.refuse(what, right, problems);
-    None
+    false
 }
 
 /// What the master is served, as by a listener without limits on connections, whose one client has priority.
 fn serving(serial: &SerialFile, lines: &BTreeSet<usize>) -> Option<ListenerSettings> {
-    let file = ListenerFile {
-        listen: Some(LocatedValue {
-            value: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)),
-            location: serial.location.clone(),
-        }),
-        ..serial.as_listener()
-    };
-    let settings = listen::settings(&file, lines)?;
+    let rights = serial.as_listener();
+    let write = lists::values(&rights.write)?;
     Some(ListenerSettings {
-        priority: settings.write.clone(),
+        listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)),
+        allow: None,
+        lines: serial
+            .lines
+            .settle(|_names| Some(lines.iter().copied().collect()))?,
+        stop: lists::some_values(&rights.stop)?,
+        reads_renew: serial.reads_renew()?,
+        cached: serial.cached()?,
+        units: lists::some_values(&serial.units)?,
+        connections_max: None,
+        priority: write.clone(),
+        write,
         idle_timeout: None,
         keep_alive: None,
-        ..settings
+        tls: None,
     })
 }

@@ -1,14 +1,12 @@
 //! A second gateway on the same lines: whether they can have one, and what happens to their drives when it is lost.
 
-use super::file::{ConfigFile, ControlFile, LineFile, StandbyFile};
+use super::file::{ConfigFile, ControlFile, LineFile, StandbyFile, on_gateway_lost};
 use super::line_plan;
 use super::ready::{LineSettings, PortAddress};
-use super::words;
-use crate::domain::control::BusFunctions;
 use crate::domain::link::{DirectionControl, Interface};
 use crate::domain::problem::Problem;
 use crate::domain::standby::{OnGatewayLost, StandbyPair};
-use crate::toml_file::values::{ValueKind, duration_text};
+use crate::toml_file::values::duration_text;
 use crate::toml_file::{KeyLocation, LocatedValue, OptionalKey};
 use crate::wire::signal;
 use std::time::Duration;
@@ -93,9 +91,8 @@ pub(super) fn on_lost(
         OptionalKey::Invalid => None,
         OptionalKey::Absent if is_shared => {
             let what = "`on_gateway_lost` is missing: the line has a second gateway, which may have ordered the drive to run";
-            let kind = ValueKind::choice(&words::ON_GATEWAY_LOST, words::of_gateway_lost);
             let location = location.missing("on_gateway_lost");
-            location.refuse(what, kind.right(), problems);
+            location.refuse(what, on_gateway_lost().right(), problems);
             None
         }
         OptionalKey::Absent => Some(None),
@@ -107,24 +104,6 @@ pub(super) fn on_lost(
             Some(None)
         }
     }
-}
-
-/// A drive that is started and stopped at its terminals, as `bus` says, cannot be promised to be stopped by a take-over.
-pub(super) fn wired(file: &ControlFile, bus: BusFunctions, problems: &mut Vec<Problem>) {
-    if let Some(lost) = file.on_gateway_lost.valid()
-        && matches!(lost.value, OnGatewayLost::Stop | OnGatewayLost::Coast)
-    {
-        let right = "\"hold\" or \"adopt\", or bus = \"both\"";
-        lost.refuse(stopped_elsewhere(bus), right, problems);
-    }
-}
-
-/// Why a stop over the bus cannot be promised.
-pub(super) fn stopped_elsewhere(bus: BusFunctions) -> String {
-    format!(
-        "the drive is started and stopped elsewhere (bus = \"{}\"), so this cannot be relied on",
-        bus.keyword()
-    )
 }
 
 /// The configured silence is no shorter than `line` needs: else both gateways might send.

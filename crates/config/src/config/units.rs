@@ -1,6 +1,6 @@
 //! The units of each drive, and conflicts between them on a listener.
 
-use super::file::{ConfigFile, DriveFile, ListenerFile};
+use super::file::{ConfigFile, DriveFile, DriveUnits, ListenerFile};
 use super::port;
 use crate::domain::ids::UnitId;
 use crate::domain::problem::Problem;
@@ -9,15 +9,6 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Default distance of the uniform unit above the native one.
 pub const UNIFORM_ABOVE: u8 = 100;
-
-/// The units of one drive; for each `None` there is a problem.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct DriveUnits {
-    /// The unit of its own registers.
-    pub native: Option<UnitId>,
-    /// The unit of its uniform registers.
-    pub uniform: Option<UnitId>,
-}
 
 /// The units of each drive of each line, in the order of the file.
 /// `served` holds, per listener of `file`, the indices of the lines it serves.

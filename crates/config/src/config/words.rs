@@ -43,8 +43,8 @@ impl FileWord for TopicTree {
     }
 }
 
-/// Declares enumerations whose words decide what a motor does and who moves it: the table of each with its words, and a
-/// function with what each value means, for messages.
+/// Declares enumerations whose words are explained in messages: the table of each with its words, and a function with what each
+/// value means.
 macro_rules! choices {
     ($(
         $(#[$about:meta])*

@@ -16,7 +16,7 @@ use crate::domain::problem::Problem;
 ///         name: OptionalKey<Name> = optional(name()), without "the gateway's name";
 ///         /// Kept beside the journal.
 ///         copies after max_size: OptionalKey<u8> = copies(max_size), or 1;
-///     } fills JournalSettings with |file, directory: PathBuf| { directory, }
+///     } fills JournalSettings with |file, directory: PathBuf| { directory }
 /// }
 /// ```
 ///
@@ -27,7 +27,9 @@ use crate::domain::problem::Problem;
 ///   a table that has others as well. `refuses` names a list of [`RefusedKey`];
 /// * for a key with a default, a method of its name: `max_size()` is the value, or the default if the key is left out;
 /// * with `fills`, the method `settings`, which makes the settings of the room that uses the table: each field that an arrow
-///   names has the value of its key, and the block after `fills` has all other fields, made from what is given;
+///   names has the value of its key, and the block after `fills` has all other fields. Between the bars, the first name stands
+///   for the table as it was read, and the others are arguments of `settings`. In the block, `?` leaves `settings` with `None`.
+///   A key without an arrow fills no field: the block reads it, or a rule between keys does;
 /// * the rows of the table in its reference: `docs/configuration.md` or `docs/model-reference.md`. The comment of a key is its
 ///   sentence there.
 ///
@@ -184,7 +186,10 @@ pub struct RefusedKey {
 /// Refuses each of `keys` that the table has.
 pub fn refuse(reader: &mut TableReader<'_, '_>, keys: &[RefusedKey]) {
     for key in keys {
-        reader.refuse(key.name, key.what, key.instead);
+        match key.what {
+            Some(what) => reader.refuse(key.name, what, key.instead),
+            None => reader.refuse_unserved(key.name, key.instead),
+        }
     }
 }
 

@@ -347,21 +347,20 @@ impl<'a, 'p> TableReader<'a, 'p> {
         lists
     }
 
-    /// Refuses `key`, a known key that is not valid here: for the reason `what`, or because nothing serves it. Does nothing
-    /// if the table does not have it.
-    pub fn refuse(&mut self, key: &'static str, what: Option<&str>, right: &str) {
+    /// Refuses `key`, a known key that is not valid here, for the reason `what`. Does nothing if the table does not have it.
+    pub fn refuse(&mut self, key: &'static str, what: &str, right: &str) {
         self.refused.push(key);
         if let Some((name, _)) = self.section.table.get_key_value(key) {
             let location = self.section.location.inner(key, name.span());
-            let not_served = || {
-                format!("`{key}` is not supported by this version; a key without effect is refused")
-            };
-            location.refuse(
-                what.map_or_else(not_served, str::to_owned),
-                right,
-                self.problems,
-            );
+            location.refuse(what, right, self.problems);
         }
+    }
+
+    /// Refuses `key`, a known key that nothing serves. Does nothing if the table does not have it.
+    pub fn refuse_unserved(&mut self, key: &'static str, right: &str) {
+        let what =
+            format!("`{key}` is not supported by this version; a key without effect is refused");
+        self.refuse(key, &what, right);
     }
 
     /// Reports each unknown key (neither asked for nor refused), with the nearest valid one.
@@ -506,7 +505,7 @@ mod tests {
                 one.list("list", &ValueKind::number(0..=255_u8)),
                 OptionalKey::Invalid
             );
-            one.refuse("old", Some("`old` does nothing"), "leave it out");
+            one.refuse("old", "`old` does nothing", "leave it out");
             one.finish();
             assert!(reader.required_table("two").is_none());
         });

@@ -1,5 +1,6 @@
 //! The tables of a drive for commands and writes: `[line.drive.control]` and `[line.drive.native]`.
 
+use super::super::lists;
 use super::super::words::{
     self, ACTIONS, BUS_FUNCTIONS, COMMANDS, CommandInterface, DIRECTIONS, FAIL_SAFES, LEASES,
     ON_GATEWAY_LOST, ON_OUTPUT_OUTSIDE, OWNERSHIPS, WAYS,
@@ -49,7 +50,7 @@ declare_table! {
             choice(&ON_OUTPUT_OUTSIDE, words::of_output_outside), default "alarm" => on_output_outside;
         /// What happens to a drive that was ordered to run, when this gateway takes its line over: it is stopped by its ramp, its
         /// output is cut off, it goes on, or it goes on for `lost_after` so that its client can come back.
-        on_gateway_lost: OptionalKey<OnGatewayLost> = choice(&ON_GATEWAY_LOST, words::of_gateway_lost),
+        on_gateway_lost: OptionalKey<OnGatewayLost> = optional(on_gateway_lost()),
             without "none: required on a line with `standby = true`";
         /// Actions that the model marks as unproven but that you accept. "basic" is stop, forward and the setpoint together.
         accept_unverified: ListKey<ControlAction> = list(ValueKind::choice(&ACTIONS, words::of_action)),
@@ -92,23 +93,22 @@ declare_table! {
         failsafe_confirm_timeout: OptionalKey<Duration> = time(seconds(1)..=minutes(1)),
             constant ControlSettings::FAILSAFE_CONFIRM_TIMEOUT => failsafe_confirm_timeout;
     } fills ControlSettings with |
-        file, limits: (Hertz, Hertz), directions: Vec<Direction>, on_gateway_lost: Option<OnGatewayLost>,
-        accepted: (Vec<ControlAction>, SiteEvidence), native: NativeWrites, defaults: MqttDefaults
+        file, limits: SetpointLimits, on_gateway_lost: Option<OnGatewayLost>, site: SiteEvidence,
+        native_write: Vec<u16>, native: &NativeFile, defaults: MqttDefaults
     | {
-        from_mqtt: file.names(CommandInterface::Mqtt).is_some(),
-        from_modbus_tcp: file.names(CommandInterface::ModbusTcp).is_some(),
-        from_page: file.names(CommandInterface::Page).is_some(),
-        from_sparkplug: file.names(CommandInterface::Sparkplug).is_some(),
-        least: limits.0,
-        most: limits.1,
-        accept_unverified: accepted.0,
-        site: accepted.1,
+        from_mqtt: file.is_from(CommandInterface::Mqtt)?,
+        from_modbus_tcp: file.is_from(CommandInterface::ModbusTcp)?,
+        from_page: file.is_from(CommandInterface::Page)?,
+        from_sparkplug: file.is_from(CommandInterface::Sparkplug)?,
+        least: limits.least,
+        most: limits.most,
+        directions: file.directions()?,
+        accept_unverified: [lists::values(&file.accept_unverified)?, site.actions.clone()].concat(),
         restart_delay: file.restart_delay.or(defaults.restart_delay)?,
-        native_write: native.addresses,
-        stored_write_interval: native.stored_write_interval,
-        stores_native_writes: native.stores,
+        stored_write_interval: native.stored_write_interval()?,
+        stores_native_writes: native.store()?,
         lease: file.lease.or(defaults.lease)?,
-        directions, on_gateway_lost,
+        on_gateway_lost, site, native_write,
     }
 }
 
@@ -120,20 +120,17 @@ declare_table! {
             required_list(ValueKind::text()).listed_as("list of codes, names or addresses");
         /// Minimum time between two writes of a register that is stored, or not known to be in RAM.
         stored_write_interval: OptionalKey<Duration> = time(seconds(1)..=hours(24)),
-            constant ControlSettings::STORED_WRITE_INTERVAL => stored_write_interval;
+            constant ControlSettings::STORED_WRITE_INTERVAL;
         /// Whether each write is followed by the word that stores parameters, for models with `[commit.store]`: no more often
         /// than `stored_write_interval`.
-        store: OptionalKey<bool> = flag(), default false => stores;
-    } fills NativeWrites with |file, addresses: Vec<u16>| { addresses, }
+        store: OptionalKey<bool> = flag(), default false;
+    }
 }
 
-/// What clients may write to a drive besides commands.
-pub struct NativeWrites {
-    /// The registers.
-    pub addresses: Vec<u16>,
-    pub stored_write_interval: Duration,
-    /// Whether each write is followed by the word that stores parameters.
-    pub stores: bool,
+/// The lowest and the highest setpoint.
+pub struct SetpointLimits {
+    pub least: Hertz,
+    pub most: Hertz,
 }
 
 /// Defaults that drives take from `[mqtt]`.
@@ -165,6 +162,17 @@ declare_table! {
 }
 
 impl ControlFile {
+    /// Whether `from` names `way`; `None` if it is invalid.
+    fn is_from(&self, way: CommandInterface) -> Option<bool> {
+        Some(lists::has(&self.from.as_ref()?.value, &way))
+    }
+
+    /// The directions in which the motor may run; `None` if the list is invalid or empty.
+    pub fn directions(&self) -> Option<Vec<Direction>> {
+        let listed = lists::some_values(&self.directions)?;
+        Some(listed.unwrap_or_else(|| vec![Direction::Forward])).filter(|list| !list.is_empty())
+    }
+
     /// The location of `way` in `from`, if it is named there.
     pub fn names(&self, way: CommandInterface) -> Option<&KeyLocation> {
         let from = self.from.as_ref()?;
@@ -183,6 +191,11 @@ impl ControlFile {
 
 fn fail_safe() -> ValueKind<'static, FailSafe> {
     ValueKind::choice(&FAIL_SAFES, words::of_fail_safe)
+}
+
+/// What happens to a drive when its gateway is lost.
+pub fn on_gateway_lost() -> ValueKind<'static, OnGatewayLost> {
+    ValueKind::choice(&ON_GATEWAY_LOST, words::of_gateway_lost)
 }
 
 fn lost_after() -> ValueKind<'static, Duration> {

@@ -67,15 +67,24 @@ declare_table! {
         /// Native registers that may be written; needs `control`.
         native: OptionalKey<NativeFile> = table(NativeFile::read), without "none";
     } fills DriveSettings with |
-        file, model: Arc<Model>, units: (UnitId, UnitId), line: &LineDefaults,
+        file, model: Arc<Model>, units: DriveUnits, line: &LineDefaults,
         control: Option<Arc<ControlSettings>>, ratings: DriveRatings, points: PointSettings
     | {
-        unit: units.0,
-        uniform_unit: units.1,
+        unit: units.native?,
+        uniform_unit: units.uniform?,
         reply_timeout: file.reply_timeout.or(line.reply_timeout)?,
         max_lateness: file.max_lateness.or(model.timing.max_lateness.value.max(line.max_lateness))?,
         model, control, ratings, points,
     }
+}
+
+/// The units of one drive; for each `None` there is a problem.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct DriveUnits {
+    /// The unit of its own registers.
+    pub native: Option<UnitId>,
+    /// The unit of its uniform registers.
+    pub uniform: Option<UnitId>,
 }
 
 /// Defaults that drives take from their line.

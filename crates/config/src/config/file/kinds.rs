@@ -120,7 +120,7 @@ pub fn time(range: RangeInclusive<Duration>) -> KeyForm<'static, OptionalKey<Dur
     optional(ValueKind::duration(range))
 }
 
-/// A key with a word that decides what a motor does or who moves it, each with its meaning.
+/// A key with one of `words`, which are explained in messages by what each `means`.
 pub fn choice<T: Copy + 'static>(
     words: &'static [(&'static str, T)],
     means: fn(T) -> &'static str,

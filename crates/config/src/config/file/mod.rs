@@ -1,4 +1,4 @@
-//! The configuration as written: each value with its location, before defaults and cross-checks.
+//! The configuration as written: each value with its location, before the rules between keys.
 //!
 //! Each table is declared in one place, by `declare_table`: its keys with their types, valid values, defaults and purposes.
 
@@ -13,8 +13,10 @@ mod mqtt;
 pub(super) mod reference;
 mod serial;
 
-pub(super) use control::{ControlFile, LimitsFile, MqttDefaults, NativeFile, NativeWrites};
-pub(super) use drive::{DriveFile, LineDefaults};
+pub(super) use control::{
+    ControlFile, LimitsFile, MqttDefaults, NativeFile, SetpointLimits, on_gateway_lost,
+};
+pub(super) use drive::{DriveFile, DriveUnits, LineDefaults};
 pub(super) use http::{HttpFile, HttpTlsFile, HttpUserFile};
 pub(super) use kinds::{ListKey, RegisterValues};
 pub(super) use line::LineFile;

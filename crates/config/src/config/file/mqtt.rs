@@ -6,7 +6,9 @@ use super::super::ready_broker::{MqttSettings, SparkplugSettings};
 use super::super::words::{COMBINED, LEASES, TREES, of_lease};
 use super::kinds::{ListKey, absolute_path, choice, flag, hours, minutes, ms, seconds, time};
 use crate::north::broker::{MqttVersion, Qos};
-use crate::north::mqtt::{CombinedEntity, HomeAssistant, LeaseMode, Settings, TopicTree};
+use crate::north::mqtt::{
+    CombinedEntity, HomeAssistant, LeaseMode, Settings as SessionSettings, TopicTree,
+};
 use crate::toml_file::declare::{
     KeyForm, RefusedKey, declare_table, list, optional, required, table,
 };
@@ -74,10 +76,11 @@ declare_table! {
         client_cert_file: OptionalKey<PathBuf> = optional(absolute_path()), without "none";
         /// The key of that certificate.
         client_key_file: OptionalKey<PathBuf> = optional(absolute_path()), without "none";
-    } fills Settings with |file, lease: LeaseMode, home_assistant: Option<HomeAssistant>| {
-        alive_topic: match lease {
-            LeaseMode::Session => file.alive_topic()?,
-            LeaseMode::Explicit => None,
+    // `MqttSettings` has the rest, which concerns the connection, such as `client_id` and `keep_alive`.
+    } fills SessionSettings with |file, lease: LeaseMode, home_assistant: Option<HomeAssistant>| {
+        alive_topic: match (file.alive_topic()?, lease) {
+            (topic, LeaseMode::Session) => topic,
+            (_, LeaseMode::Explicit) => None,
         },
         probe_timeout: file.probe_interval()? * MqttSettings::PROBES,
         publish: file.published()?,

@@ -49,9 +49,9 @@ declare_table! {
         /// Whether the master may stop. It must be true if `allow_write` is.
         allow_stop: OptionalKey<bool> = flag(), without "`allow_write`";
         /// Whether reads renew the lease of the master on the drive that it controls.
-        reads_renew: OptionalKey<bool> = flag(), without "false";
+        reads_renew: OptionalKey<bool> = flag(), default false;
         /// Whether a native read of polled registers may be answered from memory, as for Modbus TCP.
-        cached: OptionalKey<bool> = flag(), without "false";
+        cached: OptionalKey<bool> = flag(), default false;
         /// Time from the end of a request within which an exception has been sent if the drive has not answered: 06 to a read, 0B
         /// to a write. Set it below the time-out of the master.
         answer_within: OptionalKey<Duration> = time(ms(20)..=seconds(5)), default "100ms" => answer_within;
@@ -64,17 +64,24 @@ declare_table! {
 const HERE: IpNet = IpNet::V4(Ipv4Net::new_assert(Ipv4Addr::LOCALHOST, 32));
 
 impl SerialFile {
-    /// What it serves, in the words of a listener whose one client is this host.
+    /// What it serves, in the words of a listener whose one client is this host, for rules that both have. Each key is named, so
+    /// that a new one of a listener is decided on here.
     pub fn as_listener(&self) -> ListenerFile {
         ListenerFile {
             location: self.location.clone(),
+            listen: None,
+            allow: OptionalKey::Absent,
             lines: self.lines.clone(),
             write: as_networks(&self.allow_write),
             stop: as_networks(&self.allow_stop),
             reads_renew: self.reads_renew.clone(),
             cached: self.cached.clone(),
             units: self.units.clone(),
-            ..ListenerFile::default()
+            connections_max: OptionalKey::Absent,
+            priority: OptionalKey::Absent,
+            idle_timeout: OptionalKey::Absent,
+            keep_alive: OptionalKey::Absent,
+            tls: OptionalKey::Absent,
         }
     }
 }

@@ -89,6 +89,29 @@ fn a_control_section_gets_its_defaults() {
     );
 }
 
+/// Whether a configuration is made of `text`, whatever is reported of it.
+fn is_made(text: &str) -> bool {
+    let mut problems = Vec::new();
+    let file = ConfigFile::read(text, &mut problems).unwrap();
+    let models = KnownModels {
+        catalog: &catalog(),
+        are_all: true,
+        site: Ok(&QualifiedResults::default()),
+    };
+    resolve::resolve(&file, models, &mut problems).is_some()
+}
+
+#[test]
+fn nothing_is_made_of_an_invalid_value() {
+    assert!(is_made(CONTROLLED));
+    let from = "from = [\"mqtt\", \"modbus-tcp\"]";
+    assert!(!is_made(&with(CONTROLLED, from, "from = ['fax']")));
+    assert!(!is_made(&control_with("accept_unverified = ['all']")));
+    assert!(!is_made(&control_with("directions = []")));
+    let topic = "[mqtt]\nlease = 'explicit'\nalive_topic = '#'\n";
+    assert!(!is_made(&with(CONTROLLED, "[mqtt]\n", topic)));
+}
+
 #[test]
 fn a_wired_stop_is_promised_by_nobody() {
     let bus = |word: &str| {

@@ -2,6 +2,7 @@
 
 mod change;
 mod control;
+mod control_keys;
 mod edit;
 mod framing;
 mod http;

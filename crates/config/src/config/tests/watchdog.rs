@@ -7,11 +7,16 @@ const AT: &str = "line[0].drive[0].control";
 /// The built-in models, but that what programs say of the E510 stands in a manual of it: its watchdog and its stop are
 /// proven then.
 fn catalog() -> Catalog {
+    catalog_with("")
+}
+
+/// That catalog, with `lines` at the end of the file of the E510.
+pub(super) fn catalog_with(lines: &str) -> Catalog {
     let e510 = include_str!("../../../../model/src/vendors/teco/e510.toml");
     let e510 = e510
         .replace("\"program\"", "\"manual\"")
         .replace("\"commissioning-sheet\"", "\"manual\"");
-    let e510 = e510.replace("\"third-party\"", "\"second-source\"");
+    let e510 = e510.replace("\"third-party\"", "\"second-source\"") + lines;
     let mut others = crate::vendors::texts().to_vec();
     others.retain(|(name, _)| *name != "teco/e510.toml");
     Catalog::of_sound(&others)

@@ -225,7 +225,7 @@ impl RegisterFile {
         }
         if matches!(source, RegisterSource::Configuration) {
             let what = "a register in the configuration has no role";
-            reader.refuse("role", Some(what), "leave it out");
+            reader.refuse("role", what, "leave it out");
         }
         reader.finish();
         register
