@@ -16,6 +16,7 @@ mod points;
 mod ports;
 mod qualified;
 mod standby;
+mod titles;
 mod units;
 mod upgrades;
 mod watchdog;
