@@ -231,6 +231,8 @@ mod standby;
 mod stopping;
 #[path = "process/taking.rs"]
 mod taking;
+#[path = "process/titled.rs"]
+mod titled;
 #[path = "process/topics.rs"]
 mod topics;
 #[path = "process/trying.rs"]

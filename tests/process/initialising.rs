@@ -209,7 +209,7 @@ fn answers_that_are_wrong_or_missing_write_nothing() {
         ),
         (
             flags(&["--command-from", "page", "--page-user", "an na"]),
-            "--page-user: a name has 1 to 32 letters",
+            "--page-user: a name has 1 to 32 characters a-z, A-Z, 0-9",
         ),
         (
             ["--drive", "pump-1=n700@1", "--port", "/dev/x"].to_vec(),

@@ -7,10 +7,11 @@ use crate::daemon::host::about;
 use crate::daemon::host::archive::{ArchivedFile, archive};
 use crate::daemon::http::diagnostics::SECONDS;
 use crate::daemon::journal::file_in;
-use crate::daemon::journal::listing::{COLUMNS, in_csv};
+use crate::daemon::journal::listing::{columns, in_csv};
 use crate::daemon::journal::reader::connect as open_journal;
 use crate::daemon::journal::search::MergedRows;
 use crate::journal::JournalTable;
+use crate::north::titles::PlantTitles;
 use axum::body::Bytes;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -132,13 +133,14 @@ fn stopped(config: &Path, reason: &str) -> std::io::Result<Vec<u8>> {
 /// The newest rows of the journal; `None` if there is none that can be read.
 fn journal(path: &Path) -> Option<ArchivedFile> {
     let connection = path.exists().then(|| open_journal(path).ok())??;
+    let titles = PlantTitles::default();
     let rows: Vec<_> = MergedRows::new(&connection, &JournalTable::ALL)
         .filter_map(Result::ok)
-        .map(|(table, row)| in_csv(table, &row))
+        .map(|(table, row)| in_csv(table, &row, &titles))
         .collect();
     let newest = rows.len().saturating_sub(ROWS_MAX);
     Some(ArchivedFile::new(
         "journal.csv",
-        format!("{COLUMNS}{}", rows[newest..].concat()),
+        columns(&titles) + &rows[newest..].concat(),
     ))
 }

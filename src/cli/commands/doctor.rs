@@ -9,6 +9,7 @@ use crate::north::api::{
     LineReportDocument, PassedOn,
 };
 use crate::north::finding::FindingSign;
+use crate::north::titles::labelled;
 use axum::http::StatusCode;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
@@ -231,7 +232,9 @@ fn finding_row(finding: &FindingDocument) -> String {
     };
     // The text of a report names its drive itself.
     let drive = match &finding.drive {
-        Some(drive) if !text.starts_with(drive.as_str()) => format!("{drive}: "),
+        Some(drive) if !text.starts_with(drive.as_str()) => {
+            format!("{}: ", labelled(drive, finding.title.as_ref()))
+        }
         _ => String::new(),
     };
     format!("  {}: {drive}{text}\n", toned(tone, severity))
@@ -450,6 +453,11 @@ mod tests {
         assert_eq!(
             section("drives", &found[..1]),
             "\ndrives\n  problem: pump-1: it turns\n"
+        );
+        let titled = json!({ "severity": "problem", "drive": "pump-1", "title": "مضخة", "text": "it turns" });
+        assert_eq!(
+            finding_row(&parsed(titled)),
+            "  problem: pump-1 \"\u{2068}مضخة\u{2069}\": it turns\n"
         );
     }
 

@@ -10,6 +10,7 @@ use crate::north::api::{
     HostHealthDocument, JournalHealthDocument, LineHealthDocument, OversizedDocument, PassedOn,
     RefusedRegisterDocument,
 };
+use crate::north::titles::{PlantTitles, labelled};
 use axum::http::{StatusCode, Uri};
 use serde_json::json;
 use std::fmt::{self, Display, Write};
@@ -274,7 +275,7 @@ fn followed(reason: Option<&str>) -> String {
         .unwrap_or_default()
 }
 
-fn line_row(line: &LineHealthDocument) -> String {
+fn line_row(line: &LineHealthDocument, titles: &PlantTitles) -> String {
     // A line that is down says why itself.
     let suspicion = match &line.suspicion {
         Some(text) if line.reason.is_none() => format!("; {text}"),
@@ -285,7 +286,7 @@ fn line_row(line: &LineHealthDocument) -> String {
         .unwrap_or_default();
     format!(
         "line {}: {}{role}{}{suspicion}\n",
-        line.name,
+        labelled(&line.name, titles.lines.get(&*line.name)),
         state_of(&line.state, &["up"]),
         followed(line.reason.as_deref())
     )
@@ -311,10 +312,10 @@ fn oversized(side: &str, all: &[OversizedDocument]) -> String {
 }
 
 /// What is said of a drive.
-fn drive_row(drive: &DriveHealthDocument) -> String {
+fn drive_row(drive: &DriveHealthDocument, titles: &PlantTitles) -> String {
     let mut text = format!(
         "drive {} ({} on {}): {}, ",
-        drive.name,
+        labelled(&drive.name, titles.drives.get(&*drive.name)),
         drive.model,
         drive.line,
         state_of(&drive.presence, &["online"])
@@ -447,20 +448,21 @@ fn journal_rows(journal: &JournalHealthDocument) -> String {
 /// The answer for people. Missing values are shown as `?`: another version may send less.
 fn report(health: &HealthDocument) -> String {
     let drives = health.drives.iter();
+    let titles = &health.titles;
     let mut text = format!(
         "gateway {}: version {}, up {}\n",
-        health.gateway,
+        labelled(&health.gateway, titles.gateway.as_ref()),
         health.version,
         span(health.uptime_seconds)
     );
-    text.extend(health.lines.iter().map(line_row));
+    text.extend(health.lines.iter().map(|line| line_row(line, titles)));
     text.extend(
         drives
             .clone()
             .filter(|drive| drive.may_still_run)
-            .map(unseen_row),
+            .map(|drive| unseen_row(drive, titles)),
     );
-    text.extend(drives.map(drive_row));
+    text.extend(drives.map(|drive| drive_row(drive, titles)));
     text.extend(health.mqtt.as_ref().map(mqtt_rows));
     text.extend(health.sparkplug.as_ref().map(sparkplug_rows));
     text.extend(health.journal.as_ref().map(journal_rows));
@@ -476,6 +478,32 @@ mod tests {
     /// A document as it is read from the wire.
     fn parsed<T: DeserializeOwned>(json: Value) -> T {
         serde_json::from_value(json).unwrap()
+    }
+
+    fn none() -> PlantTitles {
+        PlantTitles::default()
+    }
+
+    #[test]
+    fn titles_stand_behind_names_and_move_nothing() {
+        let titles = json!({ "drives": { "pump-1": "مضخة 2" }, "gateway": "Werk\u{1b}[2J", "lines": { "hall-1": "Halle 1" } });
+        let health = json!({
+            "gateway": "plant-a",
+            "lines": [{ "name": "hall-1", "state": "up" }],
+            "drives": [{ "name": "pump-1", "may_still_run": true }],
+            "titles": titles,
+        });
+        let shown = report(&parsed(health));
+        for row in [
+            "gateway plant-a \"Werk[2J\": version ",
+            "line hall-1 \"Halle 1\": up\n",
+            "drive pump-1 \"\u{2068}مضخة 2\u{2069}\" MAY STILL RUN",
+            "drive pump-1 \"\u{2068}مضخة 2\u{2069}\" (? on ?): ",
+        ] {
+            assert!(shown.contains(row), "{shown}");
+        }
+        let sent = serde_json::to_string(&HealthDocument::default()).unwrap();
+        assert!(!sent.contains("titles"), "{sent}");
     }
 
     #[test]
@@ -586,9 +614,9 @@ mod tests {
         let seen =
             json!({ "run_state": "forward", "output_hz": 42.5, "at": "2026-01-02T03:04:05.678Z" });
         let row = "drive pump-1 MAY STILL RUN: last seen forward at 42.50 Hz, 2026-01-02T03:04:05.678Z; go to the drive\n";
-        assert_eq!(unseen_row(&parsed(drive(seen))), row);
+        assert_eq!(unseen_row(&parsed(drive(seen)), &none()), row);
         assert_eq!(
-            unseen_row(&parsed(drive(Value::Null))),
+            unseen_row(&parsed(drive(Value::Null)), &none()),
             "drive pump-1 MAY STILL RUN; go to the drive\n"
         );
         let drives = json!([{ "name": "fan-2" }, drive(Value::Null)]);
@@ -622,7 +650,7 @@ mod tests {
 
     #[test]
     fn what_a_drive_does_against_its_order_is_named() {
-        let row = |key: &str, value: Value| drive_row(&parsed(json!({ key: value })));
+        let row = |key: &str, value: Value| drive_row(&parsed(json!({ key: value })), &none());
         assert!(row("output_outside", true.into()).contains("outside the limits"));
         assert!(row("stopped_elsewhere", true.into()).contains("stopped elsewhere"));
         let stage = |stage: &str| row("failsafe", json!({ "action": "stop", "stage": stage }));
@@ -653,9 +681,12 @@ mod tests {
     #[test]
     fn a_shared_line_is_shown_with_the_role() {
         assert_eq!(
-            line_row(&parsed(line("a", "up", Some("listening")))),
+            line_row(&parsed(line("a", "up", Some("listening"))), &none()),
             "line a: up, listening\n"
         );
-        assert_eq!(line_row(&parsed(line("a", "up", None))), "line a: up\n");
+        assert_eq!(
+            line_row(&parsed(line("a", "up", None)), &none()),
+            "line a: up\n"
+        );
     }
 }

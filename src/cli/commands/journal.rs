@@ -4,11 +4,12 @@ use crate::cli::tools::data_dir::DataDirArgs;
 use crate::cli::tools::{CommandFailure, print};
 use crate::daemon::host::clock;
 use crate::daemon::journal::file_in;
-use crate::daemon::journal::listing::{COLUMNS, in_csv, in_json, in_words};
+use crate::daemon::journal::listing::{columns, in_csv, in_json, in_words};
 use crate::daemon::journal::reader::{ReadRow, connect, salvage};
 use crate::daemon::journal::rescue::{FileStanding, standing};
 use crate::daemon::journal::search::{MergedRows, SearchStart, WantedRows};
 use crate::journal::JournalTable;
+use crate::north::titles::PlantTitles;
 use rusqlite::ErrorCode;
 use std::collections::VecDeque;
 use std::fmt;
@@ -59,7 +60,8 @@ enum ShownRows {
 
 /// Prints the rows, oldest first.
 pub fn journal(args: &Args) -> Result<(), CommandFailure> {
-    let path = file_in(&args.place.path()?);
+    let (directory, titles) = args.place.read()?;
+    let path = file_in(&directory);
     if !path.exists() {
         return Err(CommandFailure::failed(format!(
             "{}: there is no journal",
@@ -78,7 +80,7 @@ pub fn journal(args: &Args) -> Result<(), CommandFailure> {
         }
     };
     if args.csv {
-        print(COLUMNS)?;
+        print(&columns(&titles))?;
     }
     let last = args
         .last
@@ -99,7 +101,7 @@ pub fn journal(args: &Args) -> Result<(), CommandFailure> {
             continue;
         }
         match last {
-            None => print(&args.shown(&found))?,
+            None => print(&args.shown(&found, &titles))?,
             Some(last) => {
                 newest.push_back(found);
                 if newest.len() > last {
@@ -110,7 +112,7 @@ pub fn journal(args: &Args) -> Result<(), CommandFailure> {
     }
     newest
         .iter()
-        .try_for_each(|found| print(&args.shown(found)))?;
+        .try_for_each(|found| print(&args.shown(found, &titles)))?;
     if lost.is_empty() {
         return Ok(());
     }
@@ -155,13 +157,13 @@ impl Args {
         }
     }
 
-    fn shown(&self, (table, seen): &(JournalTable, ReadRow)) -> String {
+    fn shown(&self, (table, seen): &(JournalTable, ReadRow), titles: &PlantTitles) -> String {
         if self.json {
-            in_json(*table, seen, false).to_string() + "\n"
+            in_json(*table, seen, titles, false).to_string() + "\n"
         } else if self.csv {
-            in_csv(*table, seen)
+            in_csv(*table, seen, titles)
         } else {
-            in_words(*table, seen)
+            in_words(*table, seen, titles)
         }
     }
 }

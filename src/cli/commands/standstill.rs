@@ -70,7 +70,10 @@ pub fn standstill(args: &Args) -> Result<(), CommandFailure> {
 fn last_seen(health: &HealthDocument, name: &str) -> String {
     let drives = health.drives.iter();
     let mut unseen = drives.filter(|drive| drive.name == *name && drive.may_still_run);
-    unseen.next().map(unseen_row).unwrap_or_default()
+    unseen
+        .next()
+        .map(|drive| unseen_row(drive, &health.titles))
+        .unwrap_or_default()
 }
 
 /// Why it was not confirmed.

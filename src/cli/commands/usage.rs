@@ -6,11 +6,12 @@ use crate::cli::tools::setup::unknown;
 use crate::cli::tools::socket::{self, SocketRequest};
 use crate::cli::tools::{CommandFailure, print};
 use crate::daemon::http::socket::SOCKET_NAME;
-use crate::daemon::journal::days::{COLUMNS, DayRow, each_day};
+use crate::daemon::journal::days::{DayRow, columns, each_day};
 use crate::daemon::journal::file_in;
 use crate::daemon::journal::reader::connect;
 use crate::domain::ids::Name;
 use crate::north::api::{UsageDocument, UsageResetDocument};
+use crate::north::titles::{PlantTitles, labelled};
 use axum::http::StatusCode;
 use serde_json::json;
 use std::collections::{BTreeMap, VecDeque};
@@ -48,14 +49,14 @@ pub struct Args {
 
 /// Prints the days of each drive, oldest first, or resets the sums of one.
 pub fn usage(args: &Args) -> Result<(), CommandFailure> {
-    let directory = args.place.path()?;
+    let (directory, titles) = args.place.read()?;
     match (&args.drive, args.reset) {
         (Some(drive), true) => reset(&directory, drive, args.yes),
-        _ => show(&directory, args),
+        _ => show(&directory, &titles, args),
     }
 }
 
-fn show(directory: &Path, args: &Args) -> Result<(), CommandFailure> {
+fn show(directory: &Path, titles: &PlantTitles, args: &Args) -> Result<(), CommandFailure> {
     let path = file_in(directory);
     if !path.exists() {
         return Err(CommandFailure::failed(format!(
@@ -81,28 +82,28 @@ fn show(directory: &Path, args: &Args) -> Result<(), CommandFailure> {
     })
     .map_err(failed)?;
     if args.csv {
-        print(COLUMNS)?;
+        print(&columns(titles))?;
     } else if drives.is_empty() && !args.json {
         return print("no usage recorded yet\n");
     }
     for (drive, days) in &drives {
         let shown: String = match (args.csv, args.json) {
-            (true, _) => days.iter().map(DayRow::in_csv).collect(),
+            (true, _) => days.iter().map(|day| day.in_csv(titles)).collect(),
             (_, true) => days
                 .iter()
                 .map(|day| json!(day.document()).to_string() + "\n")
                 .collect(),
-            _ => table(drive, days),
+            _ => table(&labelled(drive, titles.drives.get(drive)), days),
         };
         print(&shown)?;
     }
     Ok(())
 }
 
-/// The days of one drive for people.
-fn table(drive: &str, days: &VecDeque<DayRow>) -> String {
+/// The days of one drive for people, below its label.
+fn table(label: &str, days: &VecDeque<DayRow>) -> String {
     let mut text =
-        format!("{drive}\n  day         energy kWh  from     running h  starts  trips\n");
+        format!("{label}\n  day         energy kWh  from     running h  starts  trips\n");
     for day in days {
         let row = day.document();
         let energy = row.energy_kwh;
@@ -168,6 +169,7 @@ mod tests {
     use super::*;
     use crate::drive::usage::{EnergySource, UsageTotals};
     use crate::journal::days::{DayNumber, DayUsage};
+    use crate::north::titles::PartTitle;
 
     fn day(energy_from: Option<EnergySource>) -> DayRow {
         let totals = UsageTotals {
@@ -196,11 +198,22 @@ mod tests {
             .collect();
         assert_eq!(lines[2], "2024-10-04 1.50 counter 1.50 3 1");
         assert_eq!(lines[3], "2024-10-04 - - 1.50 3 1", "no energy is known");
+        let none = PlantTitles::default();
         assert_eq!(
-            rows[0].in_csv(),
+            rows[0].in_csv(&none),
             "2024-10-04,pump-1,1.50,counter,1.50,3,1\n"
         );
-        assert_eq!(rows[1].in_csv(), "2024-10-04,pump-1,,,1.50,3,1\n");
+        assert_eq!(rows[1].in_csv(&none), "2024-10-04,pump-1,,,1.50,3,1\n");
+        let title = PartTitle::new("+Pumpe, \"Süd\"").unwrap();
+        let titles = PlantTitles {
+            drives: BTreeMap::from([("pump-1".to_owned(), title)]),
+            ..PlantTitles::default()
+        };
+        assert_eq!(
+            columns(&titles) + &rows[1].in_csv(&titles),
+            "day,drive,energy_kwh,energy_from,running_hours,starts,trips,title\n\
+             2024-10-04,pump-1,,,1.50,3,1,\"'+Pumpe, \"\"Süd\"\"\"\n"
+        );
         assert_eq!(rows[1].document().energy_kwh, None);
     }
 

@@ -2,15 +2,16 @@
 
 use super::{WordTone, toned};
 use crate::north::api::{DriveHealthDocument, LastSeenDocument};
+use crate::north::titles::{PlantTitles, labelled};
 use std::fmt::Write;
 
 /// A drive that may run unseen, as a line of text. It is shown before all others.
-pub fn unseen_row(drive: &DriveHealthDocument) -> String {
+pub fn unseen_row(drive: &DriveHealthDocument, titles: &PlantTitles) -> String {
     let seen = drive.last_seen.as_ref().map(last_seen).unwrap_or_default();
-    let name = &drive.name;
+    let label = labelled(&drive.name, titles.drives.get(&*drive.name));
     format!(
         "{}{seen}; go to the drive\n",
-        toned(WordTone::Problem, &format!("drive {name} MAY STILL RUN"))
+        toned(WordTone::Problem, &format!("drive {label} MAY STILL RUN"))
     )
 }
 

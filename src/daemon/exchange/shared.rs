@@ -12,6 +12,7 @@ use crate::domain::standby::StandbyPair;
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::DriveView;
 use crate::line::standby::StandbyTimes;
+use crate::north::titles::PlantTitles;
 use arc_swap::{ArcSwap, Guard};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -25,6 +26,8 @@ pub struct SharedPlant {
     pub drives: Vec<Arc<SharedDrive>>,
     /// The lines, in the order of the configuration.
     pub lines: Vec<Arc<SharedLine>>,
+    /// What people call its parts.
+    pub titles: Arc<PlantTitles>,
     /// Rung whenever a view, a line's state or the configuration has changed.
     pub changed: Arc<BrokerBell>,
 }
@@ -99,7 +102,17 @@ impl SharedPlant {
                 .flat_map(|line| line.drives.iter().cloned())
                 .collect(),
             lines,
+            titles: Arc::default(),
             changed,
+        }
+    }
+
+    /// This plant with these titles.
+    #[must_use]
+    pub fn titled(self, titles: &PlantTitles) -> Self {
+        Self {
+            titles: Arc::new(titles.clone()),
+            ..self
         }
     }
 

@@ -15,6 +15,7 @@ use crate::north::api::{
 use crate::north::broker::OversizedPublication;
 use crate::north::clock::LabelClock;
 use crate::north::shown::{self, presence, run_state, warning_text};
+use crate::north::titles::PlantTitles;
 use crate::profile::model::Model;
 
 /// Why the gateway is ready or not: each line and the broker.
@@ -41,6 +42,7 @@ pub(super) fn health(state: &HttpState, now: MonoTime) -> HealthDocument {
         sparkplug: sparkplug(state),
         journal: journal(state),
         socket: socket(state),
+        titles: PlantTitles::clone(&shared.titles),
     }
 }
 

@@ -1,10 +1,12 @@
 //! The table of what each drive has used on each day.
 
+use super::listing::with_title;
 use super::reader;
 use crate::domain::calendar::day;
 use crate::drive::usage::{EnergySource, UsagePart, UsageTotals};
 use crate::journal::days::{DAYS_MAX, DayNumber, DayUsage, from_row, to_row};
 use crate::north::api::DayDocument;
+use crate::north::titles::{PartTitle, PlantTitles};
 use rusqlite::{Connection, Error, OptionalExtension, Transaction, params};
 use std::path::Path;
 
@@ -19,8 +21,12 @@ pub struct DayRow {
     pub usage: DayUsage,
 }
 
-/// The columns of CSV.
-pub const COLUMNS: &str = "day,drive,energy_kwh,energy_from,running_hours,starts,trips\n";
+/// The columns of CSV in a plant with `titles`, with the line break.
+#[must_use]
+pub fn columns(titles: &PlantTitles) -> String {
+    let columns = "day,drive,energy_kwh,energy_from,running_hours,starts,trips";
+    with_title(columns, titles, Some("title"))
+}
 
 impl DayRow {
     /// The row as a document.
@@ -43,7 +49,7 @@ impl DayRow {
 
     /// The row as a line of CSV, with its line break. A name needs no quotes.
     #[must_use]
-    pub fn in_csv(&self) -> String {
+    pub fn in_csv(&self, titles: &PlantTitles) -> String {
         let DayUsage {
             totals,
             energy_from,
@@ -54,11 +60,13 @@ impl DayRow {
         let from = energy_from.map_or("", EnergySource::keyword);
         let UsageTotals { starts, trips, .. } = totals;
         let hours = totals.value(UsagePart::RunningHours);
-        format!(
-            "{},{},{energy},{from},{hours},{starts},{trips}\n",
+        let line = format!(
+            "{},{},{energy},{from},{hours},{starts},{trips}",
             day(self.day.begin()),
             self.drive
-        )
+        );
+        let title = titles.drives.get(&self.drive);
+        with_title(&line, titles, title.map(PartTitle::as_str))
     }
 }
 

@@ -6,14 +6,36 @@ use crate::domain::command::Reason;
 use crate::journal::{JournalRow, JournalTable};
 use crate::north::shown::{fail_safe_cause, fail_safe_stage};
 use crate::north::texts::{Sentence, english};
+use crate::north::titles::{PartTitle, PlantTitles, labelled};
 use serde_json::{Value, json};
 
-/// The columns of CSV.
-pub const COLUMNS: &str = "table,number,at,kind,name,by,tried,outcome,reason,count,body\n";
+/// The columns of CSV in a plant with `titles`, with the line break.
+#[must_use]
+pub fn columns(titles: &PlantTitles) -> String {
+    let columns = "table,number,at,kind,name,by,tried,outcome,reason,count,body";
+    with_title(columns, titles, Some("title"))
+}
+
+/// `line` of CSV with a title as its last column, if any part of the plant has one, and with its line break.
+pub(super) fn with_title(line: &str, titles: &PlantTitles, title: Option<&str>) -> String {
+    if titles.is_empty() {
+        return format!("{line}\n");
+    }
+    format!("{line},{}\n", quoted(title.unwrap_or_default()))
+}
+
+/// The title of what `row` is about.
+fn title_of<'t>(row: &JournalRow, titles: &'t PlantTitles) -> Option<&'t PartTitle> {
+    match (row.kind.as_str(), &row.name) {
+        (_, None) => titles.gateway.as_ref(),
+        ("line", Some(line)) => titles.lines.get(line),
+        (_, Some(drive)) => titles.drives.get(drive),
+    }
+}
 
 /// A row as JSON; with its plain text if `has_text`.
 #[must_use]
-pub fn in_json(table: JournalTable, seen: &ReadRow, has_text: bool) -> Value {
+pub fn in_json(table: JournalTable, seen: &ReadRow, titles: &PlantTitles, has_text: bool) -> Value {
     let table = table.name();
     let number = seen.number();
     let ReadRow::Sound(row) = seen else {
@@ -26,14 +48,18 @@ pub fn in_json(table: JournalTable, seen: &ReadRow, has_text: bool) -> Value {
     if let Some(text) = text {
         shown["text"] = text.into();
     }
+    if let Some(title) = title_of(row, titles) {
+        shown["title"] = title.as_str().into();
+    }
     shown
 }
 
 /// A row as a line of CSV, with its line break.
 #[must_use]
-pub fn in_csv(table: JournalTable, seen: &ReadRow) -> String {
+pub fn in_csv(table: JournalTable, seen: &ReadRow, titles: &PlantTitles) -> String {
     let ReadRow::Sound(row) = seen else {
-        return format!("{},{},,damaged,,,,,,,\n", table.name(), seen.number());
+        let damaged = format!("{},{},,damaged,,,,,,,", table.name(), seen.number());
+        return with_title(&damaged, titles, None);
     };
     let body = body(row);
     let word = |key: &str| match &body[key] {
@@ -56,12 +82,16 @@ pub fn in_csv(table: JournalTable, seen: &ReadRow) -> String {
         .chain([row.body.clone()])
         .map(|it| quoted(&it))
         .collect();
-    fields.join(",") + "\n"
+    let title = title_of(row, titles).map(PartTitle::as_str);
+    with_title(&fields.join(","), titles, title)
 }
+
+/// How a text begins that a spreadsheet may take for a formula, also in the wide forms of East Asian input.
+const FORMULA_SIGNS: [char; 10] = ['=', '+', '-', '@', '\t', '\r', '＝', '＋', '－', '＠'];
 
 /// Quotes a field as RFC 4180 requires. A text that a spreadsheet would take for a formula is marked as text.
 fn quoted(field: &str) -> String {
-    let mark = if field.starts_with(['=', '+', '-', '@', '\t', '\r']) {
+    let mark = if field.starts_with(FORMULA_SIGNS) {
         "'"
     } else {
         ""
@@ -74,12 +104,13 @@ fn quoted(field: &str) -> String {
 
 /// A row as a line of plain text, with its line break.
 #[must_use]
-pub fn in_words(table: JournalTable, seen: &ReadRow) -> String {
+pub fn in_words(table: JournalTable, seen: &ReadRow, titles: &PlantTitles) -> String {
     match seen {
         ReadRow::Damaged(number) => format!("{:24} {} {number} is damaged\n", "?", table.name()),
         ReadRow::Sound(row) => {
             let name = row.name.as_deref().unwrap_or("gateway");
-            format!("{} {name} {}\n", rfc3339(row.at), words(row, &body(row)))
+            let label = labelled(name, title_of(row, titles));
+            format!("{} {label} {}\n", rfc3339(row.at), words(row, &body(row)))
         }
     }
 }
@@ -222,6 +253,11 @@ mod tests {
     use super::*;
     use crate::domain::fail_safe::{FailSafeCause, FailSafeStage};
     use crate::domain::time::WallTime;
+    use std::collections::BTreeMap;
+
+    fn none() -> PlantTitles {
+        PlantTitles::default()
+    }
 
     #[test]
     fn csv_survives_what_clients_send() {
@@ -232,6 +268,7 @@ mod tests {
             ("=1+1", "\"'=1+1\""),
             ("\t=1+1", "\"'\t=1+1\""),
             ("\r=1+1", "\"'\r=1+1\""),
+            ("＝1+1", "\"'＝1+1\""),
         ];
         for (field, right) in table {
             assert_eq!(quoted(field), right);
@@ -239,13 +276,76 @@ mod tests {
     }
 
     #[test]
+    fn a_row_shows_the_title_of_what_it_is_about() {
+        let title = |text| PartTitle::new(text).unwrap();
+        let of = |name: &str, text| BTreeMap::from([(name.to_owned(), title(text))]);
+        let titles = PlantTitles {
+            drives: of("one", "=1+1,\"a\""),
+            gateway: Some(title("Werk Süd")),
+            groups: BTreeMap::new(),
+            lines: of("one", "قاعة"),
+        };
+        let row = |kind, name| {
+            let at = WallTime { unix_ms: 0 };
+            ReadRow::Sound(JournalRow::new(at, kind, name, &json!({ "state": "up" })))
+        };
+        let table = JournalTable::Availability;
+        for (kind, name, title, csv, label) in [
+            (
+                "drive",
+                Some("one"),
+                "=1+1,\"a\"",
+                "\"'=1+1,\"\"a\"\"\"",
+                "one \"=1+1,\"a\"\"",
+            ),
+            (
+                "line",
+                Some("one"),
+                "قاعة",
+                "قاعة",
+                "one \"\u{2068}قاعة\u{2069}\"",
+            ),
+            (
+                "gateway",
+                None,
+                "Werk Süd",
+                "Werk Süd",
+                "gateway \"Werk Süd\"",
+            ),
+        ] {
+            let row = row(kind, name);
+            assert_eq!(in_json(table, &row, &titles, false)["title"], title);
+            let line = in_csv(table, &row, &titles);
+            assert!(line.ends_with(&format!(",{csv}\n")), "{line}");
+            let words = in_words(table, &row, &titles);
+            assert!(words.contains(&format!("Z {label} {kind} up\n")), "{words}");
+        }
+        let (plain, damaged) = (row("drive", Some("two")), ReadRow::Damaged(7));
+        for row in [&plain, &damaged] {
+            assert!(in_json(table, row, &titles, false).get("title").is_none());
+            let (with, without) = (in_csv(table, row, &titles), in_csv(table, row, &none()));
+            assert_eq!(with.trim_end(), without.trim_end().to_owned() + ",");
+        }
+        assert_eq!(
+            columns(&titles).trim_end(),
+            columns(&none()).trim_end().to_owned() + ",title"
+        );
+    }
+
+    #[test]
     fn rows_have_words_and_no_control_characters() {
         let at = WallTime { unix_ms: 0 };
         let attempt = json!({ "by": "mqtt", "tried": "run\u{1b}[2J", "outcome": "refused", "reason": "tripped", "count": 3 });
-        let said = |row| in_words(JournalTable::Audit, &ReadRow::Sound(row));
+        let none = none();
+        let said = |row| in_words(JournalTable::Audit, &ReadRow::Sound(row), &none);
         let row = JournalRow::new(at, "attempt", Some("pump-1"), &attempt);
         assert_eq!(
-            in_json(JournalTable::Audit, &ReadRow::Sound(row.clone()), true)["text"],
+            in_json(
+                JournalTable::Audit,
+                &ReadRow::Sound(row.clone()),
+                &none,
+                true
+            )["text"],
             "mqtt: run?[2J: refused: the drive is tripped: reset it first (3 times)"
         );
         assert_eq!(

@@ -48,7 +48,7 @@ pub fn shared(config: &Config) -> SharedPlant {
     let lines = (0..)
         .zip(&config.lines)
         .map(|(number, line)| Arc::new(shared_line(number, line)));
-    SharedPlant::of(lines.collect(), Arc::default())
+    SharedPlant::of(lines.collect(), Arc::default()).titled(&config.titles)
 }
 
 /// What one line and the north sides share, before the line is served, with a `number` that no other line of the

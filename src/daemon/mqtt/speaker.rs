@@ -60,6 +60,7 @@ impl<S: BrokerSession> SessionSpeaker<S> {
         let shared = sides.current.get();
         let (drives, lines) = (drives_of(&shared), lines_of(&shared));
         let mut session = S::new(settings, drives, lines, at, random::secret());
+        session.see_titles(&shared.titles);
         session.count_tickets_from(first_ticket);
         let mut speaker = Self {
             session,
@@ -95,6 +96,7 @@ impl<S: BrokerSession> SessionSpeaker<S> {
         }
         self.take_news(at);
         self.shared = self.sides.current.get();
+        self.session.see_titles(&self.shared.titles);
         self.session
             .replace(at, drives_of(&self.shared), lines_of(&self.shared));
         self.look_at_views();

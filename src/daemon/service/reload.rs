@@ -195,9 +195,9 @@ impl RunningGateway {
                     .map_err(|error| system(&error))?,
             );
         }
-        let shared = Arc::new(SharedPlant::of(lines, Arc::clone(&old.changed)));
+        let shared = SharedPlant::of(lines, Arc::clone(&old.changed)).titled(&new.titles);
         Ok(PreparedReload {
-            shared,
+            shared: Arc::new(shared),
             handles,
             bound,
             broker_side,

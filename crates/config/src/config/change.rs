@@ -3,6 +3,7 @@
 
 use super::ready::{Config, ListenerSettings, SerialMasterSettings};
 use crate::domain::ids::Name;
+use crate::north::titles::PartTitle;
 use std::fmt;
 
 /// The differences between two configurations.
@@ -42,6 +43,8 @@ pub enum ConfigPart {
     Line,
     /// A drive.
     Drive,
+    /// A group of drives.
+    Group,
     /// The connection to the broker.
     Mqtt,
     /// A Modbus TCP listener.
@@ -61,6 +64,7 @@ impl ConfigPart {
             Self::Standby => "standby",
             Self::Line => "line",
             Self::Drive => "drive",
+            Self::Group => "group",
             Self::Mqtt => "mqtt",
             Self::ModbusTcp => "modbus_tcp",
             Self::ModbusRtu => "modbus_rtu",
@@ -76,7 +80,7 @@ pub enum PartChange {
     Added,
     /// It is removed.
     Removed,
-    /// Its settings differ; a line is restarted.
+    /// Its settings or its title differ; a line with other settings is restarted.
     Changed,
 }
 
@@ -173,7 +177,7 @@ fn needs_restart(old: &Config, new: &Config) -> Vec<&'static str> {
 
 fn change_notes(old: &Config, new: &Config) -> Vec<ChangeNote> {
     let mut notes = Vec::new();
-    if old.gateway != new.gateway {
+    if (&old.gateway, &old.titles.gateway) != (&new.gateway, &new.titles.gateway) {
         let how = PartChange::Changed;
         notes.push(ChangeNote::of_one(ConfigPart::Gateway, how));
     }
@@ -181,6 +185,7 @@ fn change_notes(old: &Config, new: &Config) -> Vec<ChangeNote> {
     one(into, ConfigPart::Standby, &old.standby, &new.standby);
     compare(into, ConfigPart::Line, &lines(old), &lines(new));
     compare(into, ConfigPart::Drive, &drives(old), &drives(new));
+    compare(into, ConfigPart::Group, &groups(old), &groups(new));
     one(into, ConfigPart::Mqtt, &old.mqtt, &new.mqtt);
     compare(
         into,
@@ -195,20 +200,33 @@ fn change_notes(old: &Config, new: &Config) -> Vec<ChangeNote> {
 
 type Named<T> = Vec<(String, T)>;
 
-fn lines(config: &Config) -> Named<&super::LineSettings> {
+/// Settings with the title beside them.
+type Titled<'c, T> = (T, Option<&'c PartTitle>);
+
+fn lines(config: &Config) -> Named<Titled<'_, &super::LineSettings>> {
+    let titled = |line: &super::LineSettings| config.titles.lines.get(line.name.as_str());
     let lines = config.lines.iter();
-    lines.map(|line| (line.name.to_string(), line)).collect()
+    lines
+        .map(|line| (line.name.to_string(), (line, titled(line))))
+        .collect()
 }
 
 /// Each with its line: a drive that moves to another line is changed.
-fn drives(config: &Config) -> Named<(&super::DriveSettings, &str)> {
+fn drives(config: &Config) -> Named<Titled<'_, (&super::DriveSettings, &str)>> {
     let mut named = Vec::new();
     for line in &config.lines {
         for drive in &line.drives {
-            named.push((drive.name.to_string(), (drive, line.name.as_str())));
+            let title = config.titles.drives.get(drive.name.as_str());
+            let of_drive = (drive, line.name.as_str());
+            named.push((drive.name.to_string(), (of_drive, title)));
         }
     }
     named
+}
+
+fn groups(config: &Config) -> Named<&PartTitle> {
+    let groups = config.titles.groups.iter();
+    groups.map(|(name, title)| (name.clone(), title)).collect()
 }
 
 /// The names of lines that are served; `None` for all.

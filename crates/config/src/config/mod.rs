@@ -4,10 +4,10 @@
 //! and fills the settings that the rooms use. `resolve` checks the rules between keys and puts all together: `link` compares
 //! lines with their models, `control` and `native` check what may be commanded and written, `mqtt` checks the broker,
 //! `line_plan` the cost of polls, `listen` the listeners with their roles (`listener_tls`), `http` the page and its users,
-//! `units` the units of drives, `standby` the second gateway, `commanders` whether commands can arrive at all. Neither stops
-//! at the first mistake. A key without effect (on this model, or beside the other keys) is a warning; a key that affects what
-//! may move a motor is an error. Properties that only show when a port is opened (a pseudo-terminal, a driver that can switch
-//! the direction) are left to the daemon.
+//! `units` the units of drives, `titles` what people call each part, `standby` the second gateway, `commanders` whether commands
+//! can arrive at all. Neither stops at the first mistake. A key without effect (on this model, or beside the other keys) is a
+//! warning; a key that affects what may move a motor is an error. Properties that only show when a port is opened (a
+//! pseudo-terminal, a driver that can switch the direction) are left to the daemon.
 
 mod acceptance;
 mod broker;
@@ -39,6 +39,7 @@ mod serial;
 mod standby;
 #[cfg(test)]
 mod tests;
+mod titles;
 pub mod units;
 mod watchdog;
 pub mod words;

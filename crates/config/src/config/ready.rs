@@ -14,6 +14,7 @@ use crate::drive::description::{DriveRatings, PointSettings};
 use crate::guard::COMMAND_DEADLINE;
 use crate::north::operator::password::StoredHash;
 use crate::north::operator::rights::UserRights;
+use crate::north::titles::PlantTitles;
 use crate::profile::model::Model;
 use ipnet::{IpNet, Ipv4Net};
 use std::collections::{BTreeMap, BTreeSet};
@@ -28,6 +29,8 @@ use std::time::Duration;
 pub struct Config {
     /// Settings of the gateway as a whole.
     pub gateway: GatewaySettings,
+    /// What people call its parts. They are no settings of these: a title that changes restarts no line.
+    pub titles: PlantTitles,
     /// The journal, if there is a data directory.
     pub journal: JournalSettings,
     /// This gateway as one of a pair; `None`: it is the only one on its lines.

@@ -7,7 +7,7 @@ use super::ready::{Config, DriveSettings, JournalSettings, LineSettings, PortAdd
 use super::units;
 use super::{
     acceptance, commanders, control, http, line_plan, listen, lists, mqtt, points, port, ratings,
-    serial, standby, watchdog,
+    serial, standby, titles, watchdog,
 };
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::Station;
@@ -39,6 +39,7 @@ pub(super) fn resolve(
     problems: &mut Vec<Problem>,
 ) -> Option<Config> {
     unique(file, problems);
+    let titles = titles::settle(file, problems);
     site_is_known(file, models, problems);
     acceptance::trials_are_kept(file, problems);
     let are_all = models.are_all && !matches!(file.gateway.model_dirs, OptionalKey::Invalid);
@@ -83,6 +84,7 @@ pub(super) fn resolve(
     Some(Config {
         journal: journal?,
         gateway: file.gateway.settings()?,
+        titles,
         standby: pair?,
         lines: lines.into_iter().collect::<Option<_>>()?,
         listeners: listeners.collect::<Option<_>>()?,

@@ -45,8 +45,8 @@ impl fmt::Display for UnitId {
     }
 }
 
-/// The name of a gateway, line or drive: 1 to 64 letters, digits, `-`, `_` or `.`, not only dots, so that it fits into
-/// a topic, a URL and a file name as it is.
+/// The name of a gateway, line or drive: 1 to 64 characters a-z, A-Z, 0-9, `-`, `_` or `.`, not only dots, so that it fits
+/// into a topic, a URL and a file name as it is.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Name(String);
 
@@ -55,7 +55,7 @@ impl Name {
     pub const MAX_CHARS: usize = 64;
 
     /// What makes a name, behind the number of its characters.
-    pub const RULE: &str = "letters, digits, \"-\", \"_\" or \".\", not only dots";
+    pub const RULE: &str = "characters a-z, A-Z, 0-9, \"-\", \"_\" or \".\", not only dots";
 
     /// The name `text`. `None` if it is empty, too long, contains any other character, or is only dots, which mean
     /// another place in a URL and in a path.
@@ -88,8 +88,8 @@ impl fmt::Display for Name {
     }
 }
 
-/// The name of a client that has command topics or a certificate of its own (a "commander"): 1 to 32 letters, digits,
-/// `-`, `_` or `.`, not only dots. It is copied with every command.
+/// The name of a client that has command topics or a certificate of its own (a "commander"): 1 to 32 characters a-z, A-Z,
+/// 0-9, `-`, `_` or `.`, not only dots. It is copied with every command.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct CommanderName {
     /// Padded with zeros, which no name contains.

@@ -164,6 +164,7 @@ impl Finding {
             sign: self.sign.keyword().into(),
             line: self.line.as_ref().map(Name::to_string),
             drive: self.drive.as_ref().map(Name::to_string),
+            title: None,
             text: self.text.to_string().into(),
             said: self.text.document(),
         }

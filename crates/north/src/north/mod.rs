@@ -18,4 +18,5 @@ pub mod sparkplug;
 #[cfg(test)]
 mod stage;
 pub mod texts;
+pub mod titles;
 pub mod traffic;

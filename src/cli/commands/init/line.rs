@@ -18,7 +18,8 @@ use std::io::BufRead;
 use std::sync::Arc;
 
 /// What a name consists of.
-const NAME_RULE: &str = "a name has 1 to 64 letters, digits, \"-\", \"_\" or \".\", not only dots";
+const NAME_RULE: &str =
+    "a name has 1 to 64 characters a-z, A-Z, 0-9, \"-\", \"_\" or \".\", not only dots";
 
 /// The line: its port, and the drives that are named or found on it.
 pub fn line<R: BufRead>(

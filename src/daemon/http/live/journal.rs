@@ -9,6 +9,7 @@ use crate::daemon::journal::listing;
 use crate::daemon::journal::reader::{connect, row};
 use crate::daemon::journal::search::{self, SearchResult, SearchStart, WantedRows};
 use crate::journal::JournalTable;
+use crate::north::titles::PlantTitles;
 use axum::BoxError;
 use axum::body::{Body, HttpBody};
 use axum::extract::{RawQuery, State};
@@ -50,8 +51,9 @@ pub async fn rows(State(live): State<Arc<LiveDocuments>>, RawQuery(query): RawQu
     };
     let path = journal.file().to_owned();
     let format = asked.format;
-    let read =
-        tokio::task::spawn_blocking(move || JournalReading::begin(&path, &asked, place)).await;
+    let titles = Arc::clone(&live.state.shared.load().titles);
+    let begin = move || JournalReading::begin(&path, &asked, titles, place);
+    let read = tokio::task::spawn_blocking(begin).await;
     match read {
         // What fits into one piece is sent with its length, like other documents.
         Ok(Ok((reading, first))) if reading.is_over() => {
@@ -105,6 +107,7 @@ struct JournalReading {
     connection: Connection,
     rows: std::vec::IntoIter<(JournalTable, u64)>,
     format: LiveFormat,
+    titles: Arc<PlantTitles>,
     is_first: bool,
     /// The text before the rows; empty once it is sent.
     begin: String,
@@ -119,6 +122,7 @@ impl JournalReading {
     fn begin(
         path: &Path,
         asked: &JournalQuery,
+        titles: Arc<PlantTitles>,
         place: OwnedSemaphorePermit,
     ) -> Result<(Self, Option<Bytes>), Error> {
         let connection = connect(path)?;
@@ -126,7 +130,7 @@ impl JournalReading {
             search::newest(&connection, &asked.wanted, asked.last)?;
         let (begin, end) = match asked.format {
             LiveFormat::Json => (format!("{{\"is_complete\":{is_complete},\"rows\":["), "]}"),
-            LiveFormat::Csv => (listing::COLUMNS.to_owned(), ""),
+            LiveFormat::Csv => (listing::columns(&titles), ""),
         };
         let rows = rows.into_iter();
         let format = asked.format;
@@ -134,6 +138,7 @@ impl JournalReading {
             connection,
             rows,
             format,
+            titles,
             is_first: true,
             begin,
             end,
@@ -167,9 +172,9 @@ impl JournalReading {
                     } else {
                         ","
                     };
-                    text += &listing::in_json(table, &seen, true).to_string();
+                    text += &listing::in_json(table, &seen, &self.titles, true).to_string();
                 }
-                LiveFormat::Csv => text += &listing::in_csv(table, &seen),
+                LiveFormat::Csv => text += &listing::in_csv(table, &seen, &self.titles),
             }
         }
         Ok(Some(text).filter(|text| !text.is_empty()).map(Bytes::from))

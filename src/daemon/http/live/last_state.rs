@@ -1,7 +1,7 @@
 //! What listeners have received, and what is new since. An unchanged drive costs one pointer comparison.
 
 use super::events::event;
-use super::source::{LiveSource, documents, shown};
+use super::source::{LiveSource, shown};
 use crate::daemon::exchange::shared::{SharedDrive, SharedLine};
 use crate::domain::standby::LineRole;
 use crate::domain::time::MonoTime;
@@ -108,7 +108,7 @@ impl LastState {
         }
         let advice = self.all_advice(source);
         if advice != self.advice {
-            update.insert("advice".to_owned(), json!(documents(&advice)));
+            update.insert("advice".to_owned(), json!(source.documents(&advice)));
             self.advice = advice;
         }
         if !update.is_empty() {

@@ -38,7 +38,7 @@ async fn everything(State(live): State<Arc<LiveDocuments>>) -> Response {
 async fn advice(State(live): State<Arc<LiveDocuments>>) -> Response {
     let advice = live
         .lock()
-        .source(&live, |source| super::source::documents(&source.advice()));
+        .source(&live, |source| source.documents(&source.advice()));
     fresh(&AdviceDocument { advice })
 }
 

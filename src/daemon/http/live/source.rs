@@ -31,13 +31,17 @@ impl LiveSource<'_> {
             .lines
             .iter()
             .map(|line| self.line(line, |line| line.document()));
-        json!({
+        let mut document = json!({
             "at": self.present.text(),
             "gateway": gateway.document(self.uptime_s()),
             "lines": lines.collect::<Vec<_>>(),
             "drives": self.drives().map(|(line, drive, view)| self.drive(line, drive, &view)).collect::<Vec<_>>(),
-            "advice": documents(&self.advice()),
-        })
+            "advice": self.documents(&self.advice()),
+        });
+        if !self.shared.titles.is_empty() {
+            document["titles"] = json!(*self.shared.titles);
+        }
+        document
     }
 
     /// All drives in order, each with its line and its newest view.
@@ -81,6 +85,23 @@ impl LiveSource<'_> {
             all.extend(self.drive_advice(line, drive, &view));
         }
         ranked(all)
+    }
+
+    /// Each of `findings` as a document, with the title of what it concerns.
+    pub fn documents(&self, findings: &[Finding]) -> Vec<FindingDocument> {
+        let titles = &self.shared.titles;
+        let document = |finding: &Finding| {
+            let title = match (&finding.drive, &finding.line) {
+                (Some(drive), _) => titles.drives.get(drive.as_str()),
+                (None, Some(line)) => titles.lines.get(line.as_str()),
+                (None, None) => None,
+            };
+            FindingDocument {
+                title: title.cloned(),
+                ..finding.document()
+            }
+        };
+        findings.iter().map(document).collect()
     }
 
     /// The findings for `drive` with this view.
@@ -144,9 +165,4 @@ pub fn shown<'d>(line: &SharedLine, drive: &'d SharedDrive, view: &'d DriveView)
         station,
         standby: drive.role.get(),
     }
-}
-
-/// Each as a document.
-pub fn documents(all: &[Finding]) -> Vec<FindingDocument> {
-    all.iter().map(Finding::document).collect()
 }

@@ -12,7 +12,9 @@ use crate::domain::report::{LineReport, LineState};
 use crate::domain::time::MonoTime;
 use crate::drive::snapshot::DrivePresence;
 use crate::drive::view::{DriveView, RunState, TripRecord};
+use crate::north::titles::{PartTitle, PlantTitles};
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
@@ -107,6 +109,47 @@ impl Listening {
             }
         }
     }
+}
+
+#[test]
+fn titles_stand_beside_names_and_only_where_there_are_any() {
+    on_a_runtime(async {
+        let state = state(false);
+        let address = serve(&state, ConnectionPatience::default()).await;
+        let document = async |path: &str| -> Value {
+            serde_json::from_str(&get(address, path).await.1).unwrap()
+        };
+        for path in ["/api/v1/state", "/api/v1/advice", "/api/v1/health"] {
+            let text = document(path).await.to_string();
+            assert!(!text.contains("titles"), "{text}");
+        }
+        let plain = document("/api/v1/advice").await;
+        let title = PartTitle::new("قاعة <b>\"1\"").unwrap();
+        let titles = PlantTitles {
+            lines: BTreeMap::from([("hall-1".to_owned(), title)]),
+            ..PlantTitles::default()
+        };
+        let shared = state.shared.get();
+        let same = SharedPlant::of(shared.lines.clone(), Arc::clone(&shared.changed));
+        state.shared.set(Arc::new(same.titled(&titles)));
+        let expected = json!({ "drives": {}, "gateway": null, "groups": {}, "lines": { "hall-1": "قاعة <b>\"1\"" } });
+        for path in ["/api/v1/state", "/api/v1/health"] {
+            let found = document(path).await;
+            assert_eq!(found["titles"], expected, "{path}");
+            assert_eq!(found["lines"][0]["name"], "hall-1");
+        }
+        let advice = document("/api/v1/advice").await;
+        let of_line = |finding: &&Value| finding["line"] == "hall-1" && finding["drive"].is_null();
+        let findings = advice["advice"].as_array().unwrap();
+        let found: Vec<_> = findings.iter().filter(of_line).collect();
+        assert!(!found.is_empty(), "{advice}");
+        assert!(
+            found
+                .iter()
+                .all(|it| it["title"] == expected["lines"]["hall-1"])
+        );
+        assert!(!plain.to_string().contains("title"), "{plain}");
+    });
 }
 
 #[test]

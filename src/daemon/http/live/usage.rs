@@ -3,7 +3,7 @@
 use super::LiveDocuments;
 use super::answers::{LiveFormat, error_answer, fresh, no_journal, too_many_readers};
 use crate::daemon::http::query::QueryKeys;
-use crate::daemon::journal::days::{COLUMNS, DayRow, each_day};
+use crate::daemon::journal::days::{DayRow, columns, each_day};
 use crate::daemon::journal::reader::connect;
 use crate::north::api::DaysDocument;
 use axum::extract::{RawQuery, State};
@@ -29,12 +29,13 @@ pub async fn days(State(live): State<Arc<LiveDocuments>>, RawQuery(query): RawQu
     let read = tokio::task::spawn_blocking(move || rows(&path, &drive)).await;
     match read {
         Ok(Ok(rows)) if format == LiveFormat::Csv => {
-            let lines: String = rows.iter().map(DayRow::in_csv).collect();
+            let titles = &live.state.shared.load().titles;
+            let lines: String = rows.iter().map(|row| row.in_csv(titles)).collect();
             let kind = [
                 (header::CONTENT_TYPE, "text/csv; charset=utf-8"),
                 (header::CACHE_CONTROL, "no-store"),
             ];
-            (kind, COLUMNS.to_owned() + &lines).into_response()
+            (kind, columns(titles) + &lines).into_response()
         }
         Ok(Ok(rows)) => {
             let days = rows.iter().map(DayRow::document).collect();

@@ -41,7 +41,7 @@ const FILES: [&[PageFile]; 6] = [
         "app.js", "chart.js", "control.js", "dom.js", "drives.js", "fetched.js", "filter.js", "footer.js", "hold.js",
         "journal.js", "kept.js", "layout.js", "leases.js", "lines.js", "notify.js", "offline.js", "problems.js", "report.js",
         "session.js", "setup.js", "setup_found.js", "setup_parts.js", "setup_rules.js", "setup_verify.js", "signing.js",
-        "stream.js", "tabs.js", "texts.js", "ticker.js", "traffic.js", "trend.js", "trip_history.js",
+        "stream.js", "tabs.js", "texts.js", "ticker.js", "titles.js", "traffic.js", "trend.js", "trip_history.js",
         "uplot.min.js",
     ),
     &files!("image/svg+xml": "icon-problem.svg", "icon.svg"),

@@ -3,13 +3,14 @@
 use super::super::ready::DriveSettings;
 use super::control::{ControlFile, NativeFile};
 use super::kinds::{
-    RegisterValues, hours, minutes, ms, name, of_registers, reply_timeout, time, unit,
+    RegisterValues, hours, minutes, ms, name, of_registers, reply_timeout, time, title, unit,
 };
 use super::mqtt::heartbeat;
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::{Name, Station, UnitId};
 use crate::domain::link::Framing;
 use crate::drive::description::{DriveRatings, PointSettings};
+use crate::north::titles::PartTitle;
 use crate::profile::model::Model;
 use crate::profile::register::{RegisterFile, extra_register};
 use crate::toml_file::declare::{KeyForm, RefusedKey, declare_table, optional, required, table};
@@ -23,6 +24,8 @@ declare_table! {
     DriveFile is "[[line.drive]]" at location, refuses NOT_SERVED {
         /// The name of the drive; unique in the gateway.
         name: RequiredKey<Name> = required(name()) => name;
+        /// What people call the drive, or what it moves.
+        title: OptionalKey<PartTitle> = optional(title()), without "the name";
         /// The drive model.
         model: RequiredKey<String> = required(ValueKind::text().listed_as("identifier of a model"));
         /// The station number set on the drive, on `modbus-tcp://` its unit; unique on the line.

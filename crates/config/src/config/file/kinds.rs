@@ -3,6 +3,7 @@
 use super::super::port_address;
 use super::super::ready::PortAddress;
 use crate::domain::ids::{CommanderName, Name, UnitId};
+use crate::north::titles::PartTitle;
 use crate::toml_file::declare::{KeyForm, optional};
 use crate::toml_file::values::{ValueKind, WrongValue};
 use crate::toml_file::{LocatedValue, OptionalKey};
@@ -37,6 +38,15 @@ pub fn name() -> ValueKind<'static, Name> {
     let most = Name::MAX_CHARS;
     let right = format!("1 to {most} {}", Name::RULE);
     ValueKind::parsed(right, Name::new).listed_as(format!("name of up to {most} characters"))
+}
+
+/// What people call a part of the plant.
+pub fn title() -> ValueKind<'static, PartTitle> {
+    let most = PartTitle::MAX_CHARS;
+    let right = format!("1 to {most} characters of any language, on one line");
+    ValueKind::parsed(right, |text| Some(PartTitle::new(text)))
+        .and_then(|title| title.map_err(WrongValue::new))
+        .listed_as(format!("text of up to {most} characters"))
 }
 
 /// A name that may hold control.

@@ -3,10 +3,11 @@
 use super::super::ready::{DriveSettings, LineSettings, LineSilence, PortAddress};
 use super::super::words::DIRECTION_CONTROLS;
 use super::drive::DriveFile;
-use super::kinds::{baud, flag, hours, ms, name, port, reply_timeout, seconds, time};
+use super::kinds::{baud, flag, hours, ms, name, port, reply_timeout, seconds, time, title};
 use crate::domain::ids::Name;
 use crate::domain::link::{DirectionControl, EchoPolicy, Framing, Interface, LinkSettings, Parity};
 use crate::domain::standby::StandbyPair;
+use crate::north::titles::PartTitle;
 use crate::toml_file::declare::{KeyForm, declare_table, each, in_tests, optional, required};
 use crate::toml_file::values::ValueKind;
 use crate::toml_file::words::{ECHO_POLICIES, FRAMINGS, INTERFACES, PARITIES};
@@ -22,6 +23,8 @@ declare_table! {
     LineFile is "[[line]]" at location {
         /// The name of the line; unique among the lines.
         name: RequiredKey<Name> = required(name()) => name;
+        /// What people call the line.
+        title: OptionalKey<PartTitle> = optional(title()), without "the name";
         /// The serial device (preferably by id), a pseudo-terminal, a serial device server that forwards the frames, or a Modbus
         /// TCP server: a drive with an Ethernet port, or a converter before drives.
         port: RequiredKey<PortAddress> = required(port().listed_as(

@@ -29,10 +29,11 @@ use super::words::{REMOVALS, of_removal};
 use crate::domain::ids::Name;
 use crate::domain::problem::Problem;
 use crate::domain::standby::{RANK_MAX, StandbyPair};
+use crate::north::titles::PartTitle;
 use crate::toml_file::declare::{declare_table, each, list, optional, required};
 use crate::toml_file::values::ValueKind;
 use crate::toml_file::{OptionalKey, RequiredKey, TableReader, document};
-use kinds::{absolute_path, choice, minutes, name, seconds};
+use kinds::{absolute_path, choice, minutes, name, seconds, title};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -42,6 +43,7 @@ pub(super) struct ConfigFile {
     pub gateway: GatewayFile,
     pub journal: OptionalKey<JournalFile>,
     pub standby: OptionalKey<StandbyFile>,
+    pub groups: Vec<GroupFile>,
     pub lines: Vec<LineFile>,
     pub mqtt: OptionalKey<MqttFile>,
     pub listeners: Vec<ListenerFile>,
@@ -56,6 +58,8 @@ declare_table! {
     GatewayFile is "[gateway]" {
         /// The name of the gateway in messages and topics.
         name: OptionalKey<Name> = optional(name()), without "the host's name" => name;
+        /// What people call the gateway.
+        title: OptionalKey<PartTitle> = optional(title()), without "the name";
         /// The directory for the journal, the remembered state and the local command socket. If it is missing, `run` creates it
         /// in a directory of its own user; elsewhere the gateway says how to create it, and controls without it.
         data_dir: OptionalKey<PathBuf> = optional(absolute_path()), without "none" => data_dir;
@@ -67,6 +71,16 @@ declare_table! {
         on_removal: OptionalKey<RemovalRule> = choice(&REMOVALS, of_removal),
             default "refuse" => on_removal;
     } fills GatewaySettings with |file| {}
+}
+
+declare_table! {
+    /// One `[[group]]`.
+    GroupFile is "[[group]]" {
+        /// The name of a group of drives; unique among the groups.
+        name: RequiredKey<Name> = required(name());
+        /// What people call the group.
+        title: RequiredKey<PartTitle> = required(title());
+    }
 }
 
 declare_table! {
@@ -108,6 +122,7 @@ impl ConfigFile {
         };
         let journal = reader.inner("journal", JournalFile::read);
         let standby = reader.inner("standby", StandbyFile::read);
+        let groups = each(&mut reader, "group", GroupFile::read);
         let lines = each(&mut reader, "line", LineFile::read);
         let mqtt = reader.inner("mqtt", MqttFile::read);
         let listeners = each(&mut reader, "modbus_tcp", ListenerFile::read);
@@ -124,6 +139,7 @@ impl ConfigFile {
             gateway,
             journal,
             standby,
+            groups,
             lines,
             mqtt,
             listeners,

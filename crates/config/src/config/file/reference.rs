@@ -8,7 +8,7 @@ use super::line::LineFile;
 use super::listener::{ListenerFile, ListenerTlsFile};
 use super::mqtt::{HomeAssistantFile, MqttFile, SparkplugFile};
 use super::serial::SerialFile;
-use super::{GatewayFile, JournalFile, StandbyFile};
+use super::{GatewayFile, GroupFile, JournalFile, StandbyFile};
 use crate::profile::register::{RegisterFile, RegisterSource};
 use crate::toml_file::declare::{DeclaredKey, DeclaredTable};
 
@@ -32,10 +32,11 @@ const EXCLUDED: [&str; 15] = [
 ];
 
 /// The keys of the file itself.
-const OUTERMOST: [&str; 8] = [
+const OUTERMOST: [&str; 9] = [
     "gateway",
     "journal",
     "standby",
+    "group",
     "line",
     "mqtt",
     "modbus_tcp",
@@ -44,11 +45,12 @@ const OUTERMOST: [&str; 8] = [
 ];
 
 /// The tables of a file.
-fn declared() -> [DeclaredTable; 16] {
+fn declared() -> [DeclaredTable; 17] {
     [
         GatewayFile::declared(),
         JournalFile::declared(),
         StandbyFile::declared(),
+        GroupFile::declared(),
         LineFile::declared(),
         DriveFile::declared(),
         registers(),
@@ -195,7 +197,8 @@ fn the_example_file_has_every_key() {
 /// `CONTROLLED` with `line` in the first table under `header`.
 fn with_line_in(header: &str, line: &str) -> String {
     let (before, after) = match header {
-        "[[http.users]]" | "[http.tls]" | "[mqtt.sparkplug]" | "[[modbus_rtu]]" | "[standby]" => {
+        "[[http.users]]" | "[http.tls]" | "[mqtt.sparkplug]" | "[[modbus_rtu]]" | "[standby]"
+        | "[[group]]" => {
             return format!("{CONTROLLED}{header}\n{line}\n");
         }
         "[[line.drive.register]]" => ("[line.drive.native]", "[[line.drive.register]]\n"),

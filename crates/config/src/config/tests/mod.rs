@@ -17,6 +17,7 @@ mod points;
 mod ports;
 mod qualified;
 mod standby;
+mod titles;
 mod units;
 mod upgrades;
 mod watchdog;

@@ -98,7 +98,7 @@ fn the_two_have_names_of_their_own() {
         &with(&pair(), "partner = \"b\"", "partner = \"a\""),
         "standby.partner: `a` is the name of this gateway itself; the `half` of the other gateway",
     );
-    let right = "1 to 16 letters, digits, \"-\", \"_\" or \".\", not only dots";
+    let right = "1 to 16 characters a-z, A-Z, 0-9, \"-\", \"_\" or \".\", not only dots";
     for bad in ["", "seventeen-letters", "a b", "a/b"] {
         only(
             &with(&pair(), "half = \"a\"", &format!("half = \"{bad}\"")),

@@ -1,6 +1,7 @@
 //! The state of the gateway, its lines and its drives.
 
 use super::{ApiText, FailSafeDocument, LastSeenDocument, StandbyDocument};
+use crate::north::titles::PlantTitles;
 use serde::{Deserialize, Serialize};
 
 /// Everything that `vfd-gateway health` shows.
@@ -27,6 +28,9 @@ pub struct HealthDocument {
     pub journal: Option<JournalHealthDocument>,
     /// Its socket, if it has one.
     pub socket: Option<SocketHealthDocument>,
+    /// What people call its parts; left out if none has a title.
+    #[serde(skip_serializing_if = "PlantTitles::is_empty")]
+    pub titles: PlantTitles,
 }
 
 /// Why the gateway is ready or not.

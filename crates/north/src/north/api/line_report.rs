@@ -1,6 +1,7 @@
 //! What is wrong with lines, drives and the gateway, and the report of a line over a span of time.
 
 use super::ApiText;
+use crate::north::titles::PartTitle;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -16,6 +17,9 @@ pub struct FindingDocument {
     pub line: Option<String>,
     /// The drive that it concerns.
     pub drive: Option<String>,
+    /// What people call that drive or else that line; left out if it has no title.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub title: Option<PartTitle>,
     /// What it is and what to do, in English.
     pub text: ApiText,
     /// The sentence of `text` for a client that shows another language.

@@ -11,6 +11,7 @@ use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::{DriveView, TripEvent};
 use crate::journal::{StoredEvent, WriteAttempt};
 use crate::north::clock::ClockMoment;
+use crate::north::titles::PlantTitles;
 use std::fmt::Debug;
 use std::sync::Arc;
 
@@ -98,6 +99,9 @@ pub trait BrokerSession: Debug {
 
     /// Ticket numbers continue from this one.
     fn count_tickets_from(&mut self, first: Ticket);
+
+    /// Takes the titles of drives, lines and the gateway. Ignored by a session that shows none.
+    fn see_titles(&mut self, _titles: &Arc<PlantTitles>) {}
 
     /// Replaces drives and lines.
     fn replace(&mut self, at: ClockMoment, drives: Vec<DriveDescription>, lines: Vec<Name>);

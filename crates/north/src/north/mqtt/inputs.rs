@@ -29,7 +29,13 @@ impl MqttSession {
     /// write and gives no command is kept as an attempt, once.
     pub(super) fn message(&mut self, at: ClockMoment, message: &BrokerMessage<'_>) {
         self.counters.messages_in += 1;
-        let plant = DiscoveryPlant::of(&self.settings, &self.topics, &self.lines, &self.drives);
+        let plant = DiscoveryPlant::of(
+            &self.settings,
+            &self.topics,
+            &self.titles,
+            &self.lines,
+            &self.drives,
+        );
         let is_discovery = plant.is_some_and(|plant| self.discovery.take(at.mono, message, &plant));
         match self.topics.parse(message.topic) {
             None => self.counters.ignored += u64::from(!is_discovery),

@@ -45,8 +45,14 @@ impl MqttSession {
             &lines,
             &started,
         );
-        let old = DiscoveryPlant::of(&self.settings, &self.topics, &self.lines, &self.drives);
-        let new = DiscoveryPlant::of(&self.settings, &self.topics, &lines, &drives);
+        let old = DiscoveryPlant::of(
+            &self.settings,
+            &self.topics,
+            &self.titles,
+            &self.lines,
+            &self.drives,
+        );
+        let new = DiscoveryPlant::of(&self.settings, &self.topics, &self.titles, &lines, &drives);
         if let (Some(old), Some(new)) = (old, new) {
             self.discovery.replace(&old, &new);
         }

@@ -25,6 +25,7 @@ use crate::north::broker::{
     Qos, SessionAct, SessionLine, SessionNotice, SubscriptionFilter,
 };
 use crate::north::clock::ClockMoment;
+use crate::north::titles::PlantTitles;
 use std::sync::Arc;
 
 /// The source of a publication, marked in its token. Numbers stay far below.
@@ -42,6 +43,7 @@ pub struct MqttSession {
     pub(super) topics: MqttTopics,
     pub(super) drives: Vec<DriveDescription>,
     pub(super) lines: Vec<Name>,
+    pub(super) titles: Arc<PlantTitles>,
     /// Distinguishes this process from others of the same gateway: its start, in milliseconds since 1970, and of several
     /// gateways which one it is.
     pub(super) run: String,
@@ -118,6 +120,7 @@ impl BrokerSession for MqttSession {
             topics,
             drives,
             lines,
+            titles: Arc::default(),
             run,
             started: started.mono,
             link,
@@ -128,6 +131,10 @@ impl BrokerSession for MqttSession {
 
     fn count_tickets_from(&mut self, first: Ticket) {
         self.link.commands.count_tickets_from(first);
+    }
+
+    fn see_titles(&mut self, titles: &Arc<PlantTitles>) {
+        self.titles = Arc::clone(titles);
     }
 
     /// A drive continues if its place and name are the same; requests to the others no longer have an answer. Topics of
@@ -448,7 +455,13 @@ impl MqttSession {
         {
             return Some(acknowledged_one(topic, payload, HISTORY | number));
         }
-        let plant = DiscoveryPlant::of(&self.settings, &self.topics, &self.lines, &self.drives)?;
+        let plant = DiscoveryPlant::of(
+            &self.settings,
+            &self.topics,
+            &self.titles,
+            &self.lines,
+            &self.drives,
+        )?;
         let (publication, number) = self.discovery.next(at, &plant)?;
         Some(Publication {
             token: Some(DISCOVERY | number),
@@ -472,7 +485,13 @@ impl MqttSession {
 
     /// What is subscribed.
     fn filters(&self) -> Vec<SubscriptionFilter> {
-        let plant = DiscoveryPlant::of(&self.settings, &self.topics, &self.lines, &self.drives);
+        let plant = DiscoveryPlant::of(
+            &self.settings,
+            &self.topics,
+            &self.titles,
+            &self.lines,
+            &self.drives,
+        );
         self.topics
             .filters()
             .into_iter()

@@ -14,6 +14,7 @@ import * as signing from "./signing.js";
 import { Stream } from "./stream.js";
 import { Tabs } from "./tabs.js";
 import { clock, number, t, translate, words } from "./texts.js";
+import * as titles from "./titles.js";
 import { Trend } from "./trend.js";
 
 const at = (id) => document.getElementById(id);
@@ -73,7 +74,7 @@ function take_gateway(gateway) {
   // Another program serves another page.
   if (version !== null && version !== gateway.version) location.reload();
   version = gateway.version;
-  text(at("gateway"), gateway.name);
+  text(at("gateway"), titles.gateway(gateway.name));
   text(at("version"), t("gateway.version", { version: gateway.version }));
   const { mqtt, journal: kept, ready } = gateway;
   const states = [
@@ -103,6 +104,7 @@ function take_advice(advice) {
 
 const on = {
   state(document) {
+    titles.take(document.titles);
     take_gateway(document.gateway);
     take_names(document);
     lines.replace(document.lines);
@@ -126,7 +128,8 @@ const on = {
     filter.count(drives.all());
   },
 
-  trip({ drive, kind, code, text: sentence }) {
+  trip({ drive: tripped, kind, code, text: sentence }) {
+    const drive = titles.called("drives", tripped);
     const name = [code, sentence].filter((part) => part !== null && part !== undefined && part !== "").join(" ");
     announce(kind === "cleared" ? t("trip.cleared", { drive }) : t("trip.announced", { drive, trip: name }), kind !== "cleared");
     journal.news();

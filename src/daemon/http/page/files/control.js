@@ -1,6 +1,6 @@
 // What commands a drive from its card.
 
-import { announce, h, show, text } from "./dom.js";
+import { announce, attribute, h, show, text } from "./dom.js";
 import { Hold } from "./hold.js";
 import * as leases from "./leases.js";
 import * as session from "./session.js";
@@ -19,6 +19,7 @@ const ACTIONS = [
 export class Controls {
   constructor(drive) {
     this.drive = drive;
+    this.shown = drive;
     this.control = null;
     this.may_be_tripped = false;
     this.is_live = false;
@@ -27,9 +28,7 @@ export class Controls {
     this.awaits_stop = false;
     this.was_pending = false;
     this.stop = h("button", { type: "button", class: "stop", click: () => this.send("stop", { run: "stop" }) }, t("action.stop"));
-    this.stop.setAttribute("aria-label", t("action.stop_drive", { drive }));
     this.coast = h("button", { type: "button", class: "coast", click: () => this.send("coast", { run: "coast" }) }, t("action.coast"));
-    this.coast.setAttribute("aria-label", t("action.coast_drive", { drive }));
     this.input = h("input", {
       type: "text",
       inputmode: "decimal",
@@ -57,14 +56,21 @@ export class Controls {
     );
     const buttons = [...this.holds.values()].map((hold) => hold.element);
     this.result = h("p", { class: "result" });
-    this.stops = h("div", { class: "stops", role: "group", "aria-label": t("drive.stops", { drive }) }, this.stop, this.coast);
+    this.stops = h("div", { class: "stops", role: "group" }, this.stop, this.coast);
     this.element = h(
       "div",
-      { class: "controls", role: "group", "aria-label": t("drive.control", { drive }) },
+      { class: "controls", role: "group" },
       this.form,
       h("div", { class: "holds" }, ...buttons),
       this.result,
     );
+  }
+
+  /** This is what people call the drive. */
+  rename(shown) {
+    this.shown = shown;
+    const labels = [[this.stop, "action.stop_drive"], [this.coast, "action.coast_drive"], [this.stops, "drive.stops"], [this.element, "drive.control"]];
+    for (const [element, key] of labels) attribute(element, "aria-label", t(key, { drive: shown }));
   }
 
   /** What was typed and not sent yet, in Hz; null if nothing or nothing useful. */
@@ -160,6 +166,6 @@ export class Controls {
     this.result.className = `result ${kind}`;
     text(this.result, `${clock(Date.now())} ${message}`);
     this.result.title = message;
-    if (kind !== "pending") announce(`${this.drive}: ${message}`, is_urgent);
+    if (kind !== "pending") announce(`${this.shown}: ${message}`, is_urgent);
   }
 }

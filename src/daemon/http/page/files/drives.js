@@ -4,6 +4,7 @@ import { Controls } from "./control.js";
 import { announce, attribute, fill, h, keyed, reshape, shape, show, text } from "./dom.js";
 import * as leases from "./leases.js";
 import { number, recent, role, span, t, unit, value_label, words } from "./texts.js";
+import { called } from "./titles.js";
 import { before } from "./trip_history.js";
 
 // What an operator looks for comes first; the rest is one click away.
@@ -106,6 +107,8 @@ export function all() {
 class Card {
   constructor(name) {
     this.name = name;
+    /** What people call it; not written anywhere yet. */
+    this.shown = null;
     this.drive = null;
     this.aged = 0;
     this.rows = new Map();
@@ -132,12 +135,13 @@ class Card {
     this.age = h("p", { class: "age" });
     this.controls = new Controls(name);
     const id = `drive-${name}`;
-    this.open = h("a", { class: "open" }, name);
-    const close = h("a", { class: "close", href: "#drives-title", "aria-label": t("drive.close", { name }) }, t("close"));
+    this.open = h("a", { class: "open" });
+    this.close = h("a", { class: "close", href: "#drives-title" }, t("close"));
+    this.notes = h("div", { class: "notes", tabindex: "0", role: "group" }, this.trip, this.at_trip, this.before, this.marks);
     this.element = h(
       "article",
       { class: "card drive", id, tabindex: "-1", "aria-labelledby": `${id}-name` },
-      h("header", {}, h("h3", { id: `${id}-name` }, this.open), h("p", { class: "state" }, this.shape, this.state), close),
+      h("header", {}, h("h3", { id: `${id}-name` }, this.open), h("p", { class: "state" }, this.shape, this.state), this.close),
       // Above all that comes and goes: a hand that is on its way finds it where it was.
       this.controls.stops,
       this.about,
@@ -148,7 +152,7 @@ class Card {
         h("p", { class: "output" }, h("span", { class: "label" }, t("drive.output")), h("span", { class: "figure" }, this.output, h("span", { class: "unit" }, "Hz"))),
         h("p", { class: "set" }, h("span", { class: "label" }, t("drive.set")), h("span", { class: "figure" }, this.setpoint, h("span", { class: "unit" }, "Hz"))),
       ),
-      h("div", { class: "notes", tabindex: "0", role: "group", "aria-label": t("drive.notes", { name }) }, this.trip, this.at_trip, this.before, this.marks),
+      this.notes,
       this.controls.element,
       this.values,
       this.details,
@@ -173,15 +177,29 @@ class Card {
     const known = new Map(kept.map((value) => [value.name, value]));
     for (const value of news.values ?? []) known.set(value.name, { ...known.get(value.name), ...value, taken: now });
     const drive = { ...before, ...news, values: [...known.values()] };
+    this.draw_name();
     if (news.control) drive.control = { ...news.control, taken: now };
     if (news.oldest_ms !== undefined) this.aged = now;
     this.drive = drive;
     leases.observe(drive);
-    if (drive.may_still_run && !before?.may_still_run) announce(`${this.name}: ${t("unseen.title")}. ${t("unseen.go")}`, true);
+    if (drive.may_still_run && !before?.may_still_run) announce(`${this.shown}: ${t("unseen.title")}. ${t("unseen.go")}`, true);
     if (before && before.run_state !== drive.run_state && drive.run_state !== "tripped") {
-      announce(`${this.name}: ${words(drive.run_state)}`);
+      announce(`${this.shown}: ${words(drive.run_state)}`);
     }
     this.draw();
+  }
+
+  /** The title may change with the configuration. */
+  draw_name() {
+    const { name } = this;
+    const shown = called("drives", name);
+    if (shown === this.shown) return;
+    this.shown = shown;
+    text(this.open, shown);
+    attribute(this.open, "title", shown === name ? null : name);
+    attribute(this.close, "aria-label", t("drive.close", { name: shown }));
+    attribute(this.notes, "aria-label", t("drive.notes", { name: shown }));
+    this.controls.rename(shown);
   }
 
   take_age(age_ms) {
@@ -200,7 +218,8 @@ class Card {
     reshape(this.shape, run_state);
     text(this.state, words(run_state));
     attribute(this.about, "title", model);
-    text(this.about, t("drive.about", { model: title ? `${vendor} ${title}` : model, line, station: station ?? words("unknown") }));
+    const about = t("drive.about", { model: title ? `${vendor} ${title}` : model, line: called("lines", line), station: station ?? words("unknown") });
+    text(this.about, this.shown === this.name ? about : `${this.name} · ${about}`);
     this.figure(this.output, drive.output_frequency_hz);
     this.figure(this.setpoint, drive.setpoint_hz);
     this.draw_unseen(drive);

@@ -1,7 +1,8 @@
 // What is asked for rather than told: documents of the gateway, and choices that follow its drives and lines.
 
-import { fill, h } from "./dom.js";
+import { fill, h, same } from "./dom.js";
 import { t } from "./texts.js";
+import { called } from "./titles.js";
 
 const TIMEOUT_MS = 15_000;
 
@@ -24,11 +25,11 @@ export function query(path, parameters) {
   return given.length > 0 ? `${path}?${new URLSearchParams(given)}` : path;
 }
 
-/** Brings the options of a select in line with `names`, and keeps what was chosen. */
-export function choices(select, names, first = null) {
-  const wanted = [...(first === null ? [] : [["", first]]), ...names.map((name) => [name, name])];
-  const shown = [...select.options].map((option) => option.value);
-  if (shown.join("\n") === wanted.map(([value]) => value).join("\n")) return;
+/** Brings the options of a select in line with `names`, which are of `drives` or `lines`, and keeps what was chosen. */
+export function choices(select, kind, names, first = null) {
+  const wanted = [...(first === null ? [] : [["", first]]), ...names.map((name) => [name, called(kind, name)])];
+  const there = [...select.options].map(({ value, textContent }) => [value, textContent]);
+  if (same(there, wanted)) return;
   const chosen = select.value;
   fill(select, ...wanted.map(([value, label]) => h("option", { value }, label)));
   if (wanted.some(([value]) => value === chosen)) select.value = chosen;

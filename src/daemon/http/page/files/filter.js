@@ -3,6 +3,7 @@
 import { add, attribute, fill, h, show } from "./dom.js";
 import * as drives from "./drives.js";
 import { number, t, words } from "./texts.js";
+import { called } from "./titles.js";
 
 /** A motor that may run unseen is counted before all else. */
 const UNSEEN = "may_still_run";
@@ -34,7 +35,7 @@ export function parts(all) {
   const wanted = part.value;
   const sorts = [["line", t("lines")], ["group", t("groups")]].map(([key, label]) => [key, label, [...new Set(all.map((drive) => drive[key]).filter(Boolean))].sort()]);
   const options = sorts.filter(([key, , names]) => names.length > (key === "line" ? 1 : 0)).map(([key, label, names]) =>
-    h("optgroup", { label }, ...names.map((name) => h("option", { value: `${key}:${name}` }, name))));
+    h("optgroup", { label }, ...names.map((name) => h("option", { value: `${key}:${name}` }, called(`${key}s`, name)))));
   fill(part, h("option", { value: "" }, t("filter.all")), ...options);
   part.value = wanted;
   if (part.value !== wanted) part.value = "";
@@ -78,9 +79,10 @@ function choose(word) {
 
 function apply() {
   written = input.value.trim().toLowerCase();
-  const [key, name] = part.value.split(/:(.*)/s);
-  const texts = ({ name: called, line, group: of, vendor, title, model }) => [called, line, of, vendor, title, model].join(" ").toLowerCase();
-  const is_chosen = (drive) => (chosen === null || chosen.has(drive.name)) && (key === "" || drive[key] === name);
+  const [key, wanted] = part.value.split(/:(.*)/s);
+  const texts = ({ name, line, group: of, vendor, title, model }) =>
+    [name, called("drives", name), line, called("lines", line), of, called("groups", of), vendor, title, model].join(" ").toLowerCase();
+  const is_chosen = (drive) => (chosen === null || chosen.has(drive.name)) && (key === "" || drive[key] === wanted);
   drives.filter((drive) => is_chosen(drive) && texts(drive).includes(written));
   attribute(box, "data-filtered", chosen === null && written === "" && key === "" ? null : "");
 }

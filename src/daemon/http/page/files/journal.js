@@ -3,6 +3,7 @@
 import { add, attribute, fill, h, show, text } from "./dom.js";
 import { choices, document_at, labelled, query, table } from "./fetched.js";
 import { moment, t, words } from "./texts.js";
+import { shown } from "./titles.js";
 
 const HEADINGS = ["time", "what", "drive", "text"].map((word) => t(`heading.${word}`));
 const SHOWN = 200;
@@ -24,7 +25,7 @@ export class Journal {
     this.json = h("a", { download: "journal.json" }, "JSON");
     this.used = h("a", { download: "usage.csv", hidden: true }, t("journal.used"));
     this.message = h("p", { class: "message", role: "status" });
-    const { element: shown, body, row } = table(t("tab.journal"), HEADINGS);
+    const { element: rows, body, row } = table(t("tab.journal"), HEADINGS);
     this.body = body;
     this.row = row;
     this.is_open = false;
@@ -40,12 +41,12 @@ export class Journal {
         h("span", { class: "export" }, `${t("export")}: `, this.csv, " ", this.json, " ", this.used),
       ),
       this.message,
-      h("div", { class: "scroll" }, shown),
+      h("div", { class: "scroll" }, rows),
     );
   }
 
   names(drives) {
-    choices(this.drive, drives, t("journal.all"));
+    choices(this.drive, "drives", drives, t("journal.all"));
   }
 
   open() {
@@ -83,9 +84,9 @@ export class Journal {
     text(this.message, error ?? count);
   }
 
-  shown({ table: kept_in, at, kind, name, text: sentence }) {
+  shown({ table: kept_in, at, kind, name, title, text: sentence }) {
     const what = kept_in === "trips" ? "trip" : kept_in;
     const label = kind && kind !== what ? `${words(what)}: ${words(kind)}` : words(what);
-    return this.row([moment(at), label, name, sentence], kept_in);
+    return this.row([moment(at), label, shown(title, name), sentence], kept_in);
   }
 }

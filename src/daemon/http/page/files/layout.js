@@ -4,6 +4,7 @@ import { add, attribute, h, show } from "./dom.js";
 import * as drives from "./drives.js";
 import { keep, kept } from "./kept.js";
 import { t } from "./texts.js";
+import { called } from "./titles.js";
 
 /** Fewer drives need no choice. */
 const CHOICE_MIN = 5;
@@ -21,7 +22,7 @@ const ORDERS = [
 const WORST = ["tripped", "offline", "unknown", "stopping", "forward", "reverse", "running", "stopped"];
 const BY = {
   state: (one, other) => WORST.indexOf(one.run_state) - WORST.indexOf(other.run_state),
-  name: (one, other) => one.name.localeCompare(other.name, undefined, { numeric: true }),
+  name: (one, other) => called("drives", one.name).localeCompare(called("drives", other.name), undefined, { numeric: true }),
   line: (one, other) => one.line.localeCompare(other.line, undefined, { numeric: true }) || (one.station ?? 0) - (other.station ?? 0),
   output: (one, other) => (other.output_frequency_hz ?? -1) - (one.output_frequency_hz ?? -1),
 };

@@ -3,6 +3,7 @@
 import { announce } from "./dom.js";
 import * as session from "./session.js";
 import { t } from "./texts.js";
+import { called } from "./titles.js";
 
 const STORED = "vfd-gateway.commands";
 const EVERY_MS_MIN = 1000;
@@ -83,8 +84,9 @@ async function renew(drive) {
 function end(drive, owner) {
   const was_shown = held.get(drive)?.is_shown;
   drop(drive);
-  if (was_shown && owner !== null) announce(t("lease.taken", { drive, owner }), true);
-  else if (was_shown) announce(t("lease.ended", { drive }));
+  const named = { drive: called("drives", drive), owner };
+  if (was_shown && owner !== null) announce(t("lease.taken", named), true);
+  else if (was_shown) announce(t("lease.ended", named));
 }
 
 function drop(drive) {

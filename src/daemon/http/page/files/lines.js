@@ -4,6 +4,7 @@ import { announce, attribute, h, keyed, reshape, shape, show, text } from "./dom
 import { Hold } from "./hold.js";
 import * as session from "./session.js";
 import { clock, number, sentence_of, span, t, words } from "./texts.js";
+import { called } from "./titles.js";
 
 const rows = new Map();
 let place = null;
@@ -26,10 +27,13 @@ export function update(lines) {
 
 class Line {
   constructor(name) {
+    /** What people call it; not written anywhere yet. */
+    this.shown = null;
+    this.title = h("h3");
     this.shape = shape("unknown");
     this.state = h("span", { class: "word" });
     this.about = h("p", { class: "about" });
-    this.bar = h("meter", { min: 0, max: 100, high: 85, "aria-label": t("line.use_of", { name }) });
+    this.bar = h("meter", { min: 0, max: 100, high: 85 });
     this.cells = {};
     const cell = (key, label, ...more) => {
       this.cells[key] = h("span", { class: "number" });
@@ -42,8 +46,8 @@ class Line {
     this.result = h("p", { class: "result" });
     this.element = h(
       "article",
-      { class: "card line", id: `line-${name}`, "aria-label": t("line.called", { name }) },
-      h("header", {}, h("h3", {}, name), h("p", { class: "state" }, this.shape, this.state)),
+      { class: "card line", id: `line-${name}` },
+      h("header", {}, this.title, h("p", { class: "state" }, this.shape, this.state)),
       this.about,
       h(
         "dl",
@@ -61,7 +65,20 @@ class Line {
     );
   }
 
+  /** The title may change with the configuration. */
+  draw_name() {
+    const { name } = this;
+    const shown = called("lines", name);
+    if (shown === this.shown) return;
+    this.shown = shown;
+    text(this.title, shown);
+    attribute(this.title, "title", shown === name ? null : name);
+    attribute(this.bar, "aria-label", t("line.use_of", { name: shown }));
+    attribute(this.element, "aria-label", t("line.called", { name: shown }));
+  }
+
   take(line) {
+    this.draw_name();
     const { state, stop_ms = {} } = line;
     const reason = sentence_of({ said: line.reason_said, text: line.reason });
     const is_up = state === "up";
@@ -103,7 +120,7 @@ class Line {
   tell(kind, message) {
     this.result.className = `result ${kind}`;
     text(this.result, `${clock(Date.now())} ${message}`);
-    announce(`${this.name}: ${message}`, kind === "bad");
+    announce(`${this.shown}: ${message}`, kind === "bad");
   }
 }
 

@@ -4,6 +4,7 @@ import { add, fill, h, prose, shape, show, text } from "./dom.js";
 import * as notify from "./notify.js";
 import { outcome_text } from "./session.js";
 import { number, sentence_of, t, words } from "./texts.js";
+import { called } from "./titles.js";
 
 const NAMES_MAX = 4;
 const RANKS = { problem: 0, hint: 1, good: 2 };
@@ -46,7 +47,7 @@ function count_below() {
 export function advise(advice) {
   const rows = folded(advice);
   const urgent = advice.filter(({ severity }) => severity === "problem");
-  notify.problems(urgent.map((finding) => [finding.drive ?? finding.line, sentence_of(finding)].filter(Boolean).join(" ")));
+  notify.problems(urgent.map((finding) => [shown_for(finding), sentence_of(finding)].filter(Boolean).join(" ")));
   const problems = rows.filter(({ severity }) => severity === "problem").length;
   const wanted = JSON.stringify(rows);
   if (wanted === shown) return problems;
@@ -57,6 +58,11 @@ export function advise(advice) {
   }
   text(heading, problems === 0 ? t("advice.title") : `${t("advice.title")} (${number(problems)})`);
   return problems;
+}
+
+/** The drive or else the line that a finding concerns, as people call it. */
+function shown_for({ drive, line }) {
+  return drive ? called("drives", drive) : line && called("lines", line);
 }
 
 /** Rows of equal findings, ranked. */
@@ -72,7 +78,7 @@ function folded(advice) {
     const own = `${key}|${drive}`;
     if (!seen_at.has(own)) seen_at.set(own, now);
     row.at = Math.max(row.at, seen_at.get(own));
-    row.of.push(drive ? { name: drive, id: `drive-${drive}` } : line ? { name: line, id: `line-${line}` } : null);
+    row.of.push(drive ? { name: shown_for(finding), id: `drive-${drive}` } : line ? { name: shown_for(finding), id: `line-${line}` } : null);
     row.keys = [...(row.keys ?? []), own];
     rows.set(key, row);
   }
@@ -105,7 +111,7 @@ export function stopped(told, took_ms) {
   const time = t("seconds", { seconds: number(took_ms / 1000, 1) });
   const sentence = t("stop_all.done", { stopped: told.length - failed.length, all: told.length, time });
   const close = h("button", { type: "button", class: "link", click: () => show(outcome, false) }, t("close"));
-  const rows = failed.map((answer) => h("li", { class: "bad" }, h("b", {}, answer.drive), ` ${outcome_text(answer)}`));
+  const rows = failed.map((answer) => h("li", { class: "bad" }, h("b", {}, called("drives", answer.drive)), ` ${outcome_text(answer)}`));
   const summary = h("p", { class: failed.length === 0 ? "good" : "bad" }, h("b", {}, `${t("action.stop_all")} `), sentence, " ", close);
   tell(summary, rows.length > 0 ? h("ul", {}, ...rows) : null);
   return { sentence, failed };

@@ -4,6 +4,7 @@ import { add, fill, h, prose, shape, show, text } from "./dom.js";
 import { choices, document_at, labelled, table } from "./fetched.js";
 import * as session from "./session.js";
 import { number, sentence_of, t, words } from "./texts.js";
+import { called } from "./titles.js";
 
 const EVERY_MS = 5000;
 const NAMED = ["drive", "answers_to"].map((word) => t(`heading.${word}`));
@@ -40,7 +41,7 @@ export class Panel {
   }
 
   names(lines) {
-    choices(this.line, lines);
+    choices(this.line, "lines", lines);
   }
 
   open() {
@@ -97,9 +98,9 @@ function rate(key, value) {
 /** A row for each kind of answer. */
 function cells({ name, station, replies = [] }) {
   const ms = (value) => (typeof value === "number" ? `${number(Math.round(value * 10) / 10)} ms` : "–");
-  if (replies.length === 0) return [[name, String(station), t("report.no_answer")]];
+  if (replies.length === 0) return [[called("drives", name), String(station), t("report.no_answer")]];
   return replies.map((of) => [
-    name,
+    called("drives", name),
     String(station),
     words(of.class),
     number(of.count),

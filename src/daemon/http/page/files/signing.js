@@ -5,6 +5,7 @@ import * as leases from "./leases.js";
 import * as problems from "./problems.js";
 import * as session from "./session.js";
 import { t, words } from "./texts.js";
+import { called } from "./titles.js";
 
 /** Puts it into the page's head. */
 export function start(place, form_place) {
@@ -78,6 +79,6 @@ async function stop_all() {
   const begun = performance.now();
   const told = await session.stop_all();
   const { sentence, failed } = problems.stopped(told, performance.now() - begun);
-  const names = failed.map(({ drive }) => drive).join(", ");
+  const names = failed.map(({ drive }) => called("drives", drive)).join(", ");
   announce(failed.length === 0 ? sentence : t("stop_all.failed", { sentence, names }), failed.length > 0);
 }

@@ -3,6 +3,7 @@
 import { add, fill, h, show, text } from "./dom.js";
 import { choices, labelled, table } from "./fetched.js";
 import { clock, number, t, words } from "./texts.js";
+import { called } from "./titles.js";
 
 const HEADINGS = ["time", "gap", "kind", "station", "function", "meaning", "bytes"].map((word) => t(`heading.${word}`));
 const ROWS_MAX = 500;
@@ -46,7 +47,7 @@ export class Panel {
   }
 
   names(lines) {
-    choices(this.line, lines);
+    choices(this.line, "lines", lines);
   }
 
   open() {}
@@ -66,7 +67,7 @@ export class Panel {
     this.set_paused(false);
     text(this.toggle, t("traffic.end"));
     show(this.pause, true);
-    text(this.message, t("traffic.listening", { line }));
+    text(this.message, t("traffic.listening", { line: called("lines", line) }));
     source.addEventListener("frame", (event) => this.take(JSON.parse(event.data)));
     source.addEventListener("lost", (event) => {
       this.lost += JSON.parse(event.data).records ?? 0;
@@ -78,10 +79,10 @@ export class Panel {
         text(this.message, t("traffic.refused"));
       } else {
         // The browser asks again by itself, from where it was: an answer without an end is ended at times.
-        text(this.message, t("traffic.again", { line }));
+        text(this.message, t("traffic.again", { line: called("lines", line) }));
       }
     };
-    source.onopen = () => text(this.message, t("traffic.listening", { line }));
+    source.onopen = () => text(this.message, t("traffic.listening", { line: called("lines", line) }));
   }
 
   end() {
@@ -119,13 +120,13 @@ export class Panel {
     add(this.body, ...this.waiting.splice(0).map((frame) => this.shown(frame)));
     while (this.body.childElementCount > ROWS_MAX) this.body.firstElementChild.remove();
     if (is_at_end) this.scroll.scrollTop = this.scroll.scrollHeight;
-    if (this.source && this.lost > 0) text(this.message, t("traffic.lost", { line: this.line.value, count: this.lost }));
+    if (this.source && this.lost > 0) text(this.message, t("traffic.lost", { line: called("lines", this.line.value), count: this.lost }));
   }
 
   shown(frame) {
     const { at, kind, bytes, gap_ms, station, drive, function: code, text: sentence } = frame;
     const gap = typeof gap_ms === "number" ? `${number(gap_ms, 1)} ms` : "";
-    const who = drive ? `${station} ${drive}` : (station ?? "");
+    const who = drive ? `${station} ${called("drives", drive)}` : (station ?? "");
     const hex = code === null || code === undefined ? "" : code.toString(16).toUpperCase().padStart(2, "0");
     const spaced = (bytes ?? "").replace(/(..)(?!$)/g, "$1 ");
     const meaning = h("span", {}, sentence ?? "");

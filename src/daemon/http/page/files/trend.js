@@ -4,6 +4,7 @@ import { add, fill, h, keyed, show, text } from "./dom.js";
 import { document_at, labelled, query } from "./fetched.js";
 import { data, draw, renew } from "./chart.js";
 import { number, t, unit as written, value_label } from "./texts.js";
+import { called } from "./titles.js";
 
 const EVERY_MS = { "1h": 10_000, "24h": 60_000, "7d": 60_000, "30d": 60_000 };
 const SPANS = ["1h", "24h", "7d", "30d"].map((word) => [word, t(`span.${word}`)]);
@@ -17,7 +18,7 @@ const USUAL_UNITS = ["Hz", "Hz", "A", "V"];
 export class Trend {
   constructor(element) {
     this.element = element;
-    this.drives = new Choice(t("trend.drives"), () => this.load());
+    this.drives = new Choice(t("trend.drives"), () => this.load(), "drives");
     this.values = new Choice(t("trend.values"), () => this.load());
     this.span = h("select", { change: () => this.load() }, ...SPANS.map(([value, label]) => h("option", { value }, label)));
     this.exports = h("span", { class: "export" });
@@ -46,7 +47,7 @@ export class Trend {
   }
 
   names(drives) {
-    this.drives.offer(drives.map((name) => [name, name]), drives.slice(0, 1));
+    this.drives.offer(drives.map((name) => [name, called("drives", name)]), drives.slice(0, 1));
   }
 
   open() {
@@ -80,7 +81,7 @@ export class Trend {
     this.marks = marks;
     const is_empty = !this.answers.some(({ values: columns }) => columns.some((column) => column.some((value) => value !== null)));
     this.tell(is_empty ? t("trend.empty") : "");
-    fill(this.exports, "CSV: ", ...drives.flatMap((drive) => [h("a", { href: path(drive, { format: "csv" }), download: `${drive}.csv` }, drive), " "]));
+    fill(this.exports, "CSV: ", ...drives.flatMap((drive) => [h("a", { href: path(drive, { format: "csv" }), download: `${drive}.csv` }, called("drives", drive)), " "]));
     this.show(wanted);
   }
 
@@ -128,8 +129,8 @@ export class Trend {
         const { name, unit } = column;
         if (!wanted.has(name)) continue;
         const label = value_label(column);
-        const called = this.answers.length > 1 ? `${drive}: ${label}` : label;
-        units.set(unit, [...(units.get(unit) ?? []), { answer, index, name, label: called, unit, colour: colour++ }]);
+        const whole = this.answers.length > 1 ? `${called("drives", drive)}: ${label}` : label;
+        units.set(unit, [...(units.get(unit) ?? []), { answer, index, name, label: whole, unit, colour: colour++ }]);
       }
     }
     return units;
@@ -192,8 +193,9 @@ function usual(columns) {
 
 /** Some of many, behind one word. */
 class Choice {
-  constructor(label, changed) {
+  constructor(label, changed, kind = null) {
     this.label = label;
+    this.kind = kind;
     this.changed = changed;
     this.boxes = new Map();
     /** A person has chosen. */
@@ -228,6 +230,8 @@ class Choice {
 
   tell() {
     const chosen = this.chosen();
-    text(this.summary, `${this.label}: ${chosen.length === 1 && chosen[0].length < 20 ? chosen[0].replaceAll("_", " ") : number(chosen.length)}`);
+    const [name] = chosen;
+    const one = chosen.length === 1 ? called(this.kind, name) : "";
+    text(this.summary, `${this.label}: ${one === "" || one.length >= 20 ? number(chosen.length) : one === name ? one.replaceAll("_", " ") : one}`);
   }
 }

@@ -12,9 +12,11 @@ use crate::north::mqtt::harness::{drives, identity, name, settings};
 use crate::north::mqtt::payload::{self, InputRequest};
 use crate::north::mqtt::topics::{MqttInbound, MqttTopics};
 use crate::north::mqtt::types::{CombinedEntity, HomeAssistant, Settings};
+use crate::north::titles::{PartTitle, PlantTitles};
 use crate::profile::catalog::Catalog;
 use crate::vendors;
 use serde_json::{Map, Value};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 fn speaking(devices: bool) -> Settings {
@@ -65,10 +67,19 @@ fn all() -> ControlSettings {
 
 /// What is announced of these drives, by topic.
 fn announced(devices: bool, drives: &[DriveDescription]) -> Map<String, Value> {
+    announced_as(&PlantTitles::default(), devices, drives)
+}
+
+/// What is announced of drives in a plant with these titles, by topic.
+fn announced_as(
+    titles: &PlantTitles,
+    devices: bool,
+    drives: &[DriveDescription],
+) -> Map<String, Value> {
     let settings = speaking(devices);
     let lines = [name("hall")];
     let topics = MqttTopics::new(&identity(), &settings);
-    let plant = DiscoveryPlant::of(&settings, &topics, &lines, drives).unwrap();
+    let plant = DiscoveryPlant::of(&settings, &topics, titles, &lines, drives).unwrap();
     let mut announced = Map::new();
     for device in (0..).take_while(|device| plant.has_device(*device)) {
         let each = (0..).map_while(|entity| plant.announcement((device, entity)));
@@ -417,7 +428,8 @@ fn lines_are_shown_by_their_names() {
     let settings = speaking(false);
     let topics = MqttTopics::new(&identity(), &settings);
     let lines = ["a_b", "a.b"].map(|it| Name::new(it).unwrap());
-    let plant = DiscoveryPlant::of(&settings, &topics, &lines, &[]).unwrap();
+    let titles = PlantTitles::default();
+    let plant = DiscoveryPlant::of(&settings, &topics, &titles, &lines, &[]).unwrap();
     let each: Vec<_> = (0..)
         .map_while(|entity| plant.announcement((0, entity)))
         .map(|(topic, _)| topic)
@@ -432,5 +444,31 @@ fn lines_are_shown_by_their_names() {
                 .any(|topic| topic.split('/').nth(3) == Some(object)),
             "{object} in {each:?}"
         );
+    }
+}
+
+#[test]
+fn a_title_is_shown_in_place_of_the_name_and_changes_no_topic_and_no_identifier() {
+    let title = |text| PartTitle::new(text).unwrap();
+    let titles = PlantTitles {
+        drives: BTreeMap::from([("pump-1".to_owned(), title("مضخة 2"))]),
+        gateway: Some(title("Werk \"Süd\" <b>")),
+        groups: BTreeMap::new(),
+        lines: BTreeMap::from([("hall".to_owned(), title("قاعة"))]),
+    };
+    for devices in [false, true] {
+        let drives = [drive("hyundai-n700", Some(forward()))];
+        let plain = announced(devices, &drives);
+        let titled = announced_as(&titles, devices, &drives);
+        let text_of = |all: &Map<String, Value>| Value::Object(all.clone()).to_string();
+        let renamed = text_of(&titled)
+            .replace("\"name\":\"مضخة 2\"", "\"name\":\"pump-1\"")
+            .replace("\"name\":\"Werk \\\"Süd\\\" <b>\"", "\"name\":\"plant\"")
+            .replace(
+                "\"name\":\"Line \u{2068}قاعة\u{2069}",
+                "\"name\":\"Line hall",
+            );
+        assert_ne!(text_of(&plain), text_of(&titled));
+        assert_eq!(text_of(&plain), renamed);
     }
 }

@@ -4,11 +4,16 @@ use super::entity::{DiscoveryEntity, EntityComponent, EntityNeeds};
 use super::ids;
 use crate::domain::ids::Name;
 use crate::north::mqtt::topics::MqttTopics;
+use crate::north::titles::{PartTitle, PlantTitles};
 
 const IS_UP: &str = "{{ value == 'up' if value else None }}";
 
 /// The entities of the gateway with these lines.
-pub(super) fn entities(topics: &MqttTopics, lines: &[Name]) -> Vec<DiscoveryEntity> {
+pub(super) fn entities(
+    topics: &MqttTopics,
+    lines: &[Name],
+    titles: &PlantTitles,
+) -> Vec<DiscoveryEntity> {
     let connected = DiscoveryEntity::new(
         EntityComponent::BinarySensor,
         "connected",
@@ -31,11 +36,13 @@ pub(super) fn entities(topics: &MqttTopics, lines: &[Name]) -> Vec<DiscoveryEnti
     );
     let own = [connected.diagnostic(), version.diagnostic()];
     own.into_iter()
-        .chain(lines.iter().flat_map(|name| line(topics, name)))
+        .chain(lines.iter().flat_map(|name| line(topics, name, titles)))
         .collect()
 }
 
-fn line(topics: &MqttTopics, name: &Name) -> Vec<DiscoveryEntity> {
+fn line(topics: &MqttTopics, name: &Name, titles: &PlantTitles) -> Vec<DiscoveryEntity> {
+    let title = titles.lines.get(name.as_str());
+    let called = title.map_or(name.as_str().into(), PartTitle::isolated);
     let topic = || topics.line(name.as_str(), "status");
     let entity = |component, key, title: String| {
         DiscoveryEntity::new(
@@ -46,17 +53,21 @@ fn line(topics: &MqttTopics, name: &Name) -> Vec<DiscoveryEntity> {
         )
         .diagnostic()
     };
-    let up = entity(EntityComponent::BinarySensor, "up", format!("Line {name}"));
+    let up = entity(
+        EntityComponent::BinarySensor,
+        "up",
+        format!("Line {called}"),
+    );
     let status = entity(
         EntityComponent::Sensor,
         "status",
-        format!("Line {name} status"),
+        format!("Line {called} status"),
     );
     let active = topics.half().map(|_| {
         let active = entity(
             EntityComponent::Sensor,
             "active",
-            format!("Line {name} active gateway"),
+            format!("Line {called} active gateway"),
         );
         active.showing_text(topics.line(name.as_str(), "active"))
     });

@@ -7,6 +7,7 @@ use crate::domain::version::{PROGRAM_NAME, PROGRAM_REPOSITORY, PROGRAM_VERSION};
 use crate::drive::description::DriveDescription;
 use crate::north::mqtt::topics::MqttTopics;
 use crate::north::mqtt::types::{HomeAssistant, Settings};
+use crate::north::titles::{PartTitle, PlantTitles};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 
@@ -21,6 +22,7 @@ pub(in crate::north::mqtt) struct DiscoveryPlant<'a> {
     alive: Option<&'a str>,
     pub(super) topics: &'a MqttTopics,
     gateway: &'a Name,
+    titles: &'a PlantTitles,
     lines: &'a [Name],
     drives: &'a [DriveDescription],
 }
@@ -60,6 +62,7 @@ impl<'a> DiscoveryPlant<'a> {
     pub(in crate::north::mqtt) fn of(
         settings: &'a Settings,
         topics: &'a MqttTopics,
+        titles: &'a PlantTitles,
         lines: &'a [Name],
         drives: &'a [DriveDescription],
     ) -> Option<Self> {
@@ -70,6 +73,7 @@ impl<'a> DiscoveryPlant<'a> {
             alive,
             topics,
             gateway,
+            titles,
             lines,
             drives,
         })
@@ -217,7 +221,7 @@ impl<'a> DiscoveryPlant<'a> {
 
     fn entities(&self, device: DiscoveryDevice<'_>) -> Vec<DiscoveryEntity> {
         match device {
-            DiscoveryDevice::Gateway => gateway::entities(self.topics, self.lines),
+            DiscoveryDevice::Gateway => gateway::entities(self.topics, self.lines, self.titles),
             DiscoveryDevice::Drive(drive) => {
                 drive::entities(self.topics, drive, &self.settings.combined)
             }
@@ -286,20 +290,25 @@ impl<'a> DiscoveryPlant<'a> {
         match device {
             DiscoveryDevice::Gateway => json!({
                 "identifiers": [id(ids::GATEWAY)],
-                "name": self.gateway.as_str(),
+                "name": shown(self.gateway, self.titles.gateway.as_ref()),
                 "manufacturer": PROGRAM_NAME,
                 "model": "Gateway for variable-frequency drives",
                 "sw_version": PROGRAM_VERSION,
             }),
             DiscoveryDevice::Drive(drive) => json!({
                 "identifiers": [id(&device.object())],
-                "name": drive.name.as_str(),
+                "name": shown(&drive.name, self.titles.drives.get(drive.name.as_str())),
                 "manufacturer": drive.model.vendor,
                 "model": drive.model.title,
                 "via_device": id(ids::GATEWAY),
             }),
         }
     }
+}
+
+/// What Home Assistant calls the device of `name`. It isolates what it shows itself, and voice assistants compare the letters.
+fn shown<'t>(name: &'t Name, title: Option<&'t PartTitle>) -> &'t str {
+    title.map_or(name.as_str(), PartTitle::as_str)
 }
 
 /// The announcing software. The URL is present if the program has one.

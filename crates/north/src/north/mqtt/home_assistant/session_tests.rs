@@ -11,7 +11,9 @@ use crate::north::mqtt::harness::{
 };
 use crate::north::mqtt::session::MqttSession;
 use crate::north::mqtt::types::{HomeAssistant, LeaseMode, Settings};
+use crate::north::titles::{PartTitle, PlantTitles};
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 const NODE: &str = "vfd-gateway-plant";
 
@@ -339,6 +341,31 @@ fn a_reload_takes_back_what_is_gone_and_shows_what_is_new() {
     for part in ["drive_mill_run_state", "gateway_line_yard_up"] {
         assert!(home.topics().iter().any(|it| it.contains(part)), "{part}");
     }
+}
+
+#[test]
+fn a_reload_with_a_title_announces_the_same_entities_again_with_it() {
+    let mut home = Home::new(speaking(MqttVersion::V5));
+    home.connect();
+    let before = home.topics();
+    let title = PartTitle::new("Umwälzpumpe Süd").unwrap();
+    let titles = PlantTitles {
+        drives: BTreeMap::from([("pump".to_owned(), title)]),
+        ..PlantTitles::default()
+    };
+    home.rig.session.see_titles(&Arc::new(titles));
+    let at = home.rig.at();
+    home.rig.session.replace(at, drives(), vec![name("hall")]);
+    let announced = home.pass(60_000);
+    assert_eq!((cleared(&announced).len(), home.topics()), (0, before));
+    let is_titled =
+        |payload: &Vec<u8>| String::from_utf8_lossy(payload).contains("\"Umwälzpumpe Süd\"");
+    let titled = home.kept.iter().filter(|(_, payload)| is_titled(payload));
+    let topics: Vec<_> = titled.map(|(topic, _)| topic).collect();
+    assert!(
+        !topics.is_empty() && topics.iter().all(|it| it.contains("drive_pump")),
+        "{topics:?}"
+    );
 }
 
 #[test]
