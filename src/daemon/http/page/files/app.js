@@ -101,6 +101,12 @@ function take_advice(advice) {
   attribute(at("icon"), "href", many === 0 ? "assets/icon.svg" : "assets/icon-problem.svg");
 }
 
+/** What is said of all drives together. */
+function count() {
+  filter.count(drives.all());
+  document.body.classList.toggle("all-stand", drives.all_stand());
+}
+
 const on = {
   state(document) {
     take_gateway(document.gateway);
@@ -112,7 +118,7 @@ const on = {
     filter.parts(document.drives);
     drives.redraw(true);
     take_advice(document.advice ?? []);
-    filter.count(drives.all());
+    count();
     show(at("waiting"), false);
     tabs.begin();
   },
@@ -123,7 +129,7 @@ const on = {
     if (document.oldest_ms) drives.oldest(document.oldest_ms);
     if (document.drives) drives.update(document.drives);
     if (document.advice) take_advice(document.advice);
-    filter.count(drives.all());
+    count();
   },
 
   trip({ drive, kind, code, text: sentence }) {
@@ -147,6 +153,7 @@ const on = {
     const was_lost = document.body.dataset.connection === "lost";
     attribute(document.body, "data-connection", state);
     drives.redraw(state === "live");
+    count();
     const word = state === "live" ? "live" : is_lost ? "lost" : "connecting";
     const at_least = heard_at === null ? "" : "_since";
     const since = { since: heard_at === null ? "" : clock(heard_at) };

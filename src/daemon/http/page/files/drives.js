@@ -17,6 +17,8 @@ const SETTLE_MS = 1000;
 /** Ages out of sight are drawn once in so many times. */
 const OUT_OF_SIGHT = 10;
 
+/** Orders by which a motor may run. */
+const RUNS = new Set(["forward", "reverse"]);
 /** Of a declared action: it did not show its effect. */
 const OPEN_STAGES = new Set(["due", "sent", "given_up"]);
 
@@ -96,6 +98,11 @@ export function as_rows(is) {
 export function redraw(is_live_now = is_live) {
   is_live = is_live_now;
   cards.forEach((card) => card.draw());
+}
+
+/** Whether every motor is known to stand. */
+export function all_stand() {
+  return cards.size > 0 && [...cards.values()].every((card) => card.stands());
 }
 
 /** All drives as they were last told. */
@@ -216,6 +223,15 @@ class Card {
     return !are_rows || location.hash === `#${this.element.id}`;
   }
 
+  /** Whether its motor is known to stand now: what is old, ordered to run or not yet stopped may run. */
+  stands() {
+    const { presence, run_state, may_still_run, output_frequency_hz: output, oldest_ms, control, values = [] } = this.drive ?? {};
+    const is_old = oldest_ms === null || values.some(({ role: of, quality }) => of === "output_frequency" && quality !== "good");
+    const is_open = RUNS.has(control?.intent) || control?.command_pending || control?.stop_pending || control?.not_effective;
+    const is_at_rest = (run_state === "stopped" && !(output > 0)) || (run_state === "tripped" && output === 0);
+    return is_live && presence === "online" && is_at_rest && !may_still_run && !is_old && !is_open;
+  }
+
   figure(element, value) {
     text(element, number(value, 2));
     element.classList.toggle("none", value === null || value === undefined);
@@ -276,7 +292,7 @@ class Card {
     const marks = [
       [control?.output_outside, "bad", t("mark.output_outside", { output: number(output_frequency_hz, 2), least: control?.min_hz, most: control?.max_hz })],
       [control?.stopped_elsewhere, "bad", t("mark.stopped_elsewhere")],
-      [presence === "offline", "bad", t("mark.offline")],
+      [presence === "offline", "unknown", t("mark.offline")],
       [standby === "listening", "info", t("mark.standby")],
       [control?.not_effective, "bad", t("mark.not_effective")],
       [control?.failsafe, "bad", t(`mark.failsafe.${control?.failsafe?.stage}`)],
@@ -315,7 +331,9 @@ class Card {
   /** Ages go on between what the gateway tells. */
   draw_ages() {
     const { drive } = this;
-    if (!drive || !this.is_whole()) return;
+    if (!drive) return;
+    this.element.classList.toggle("stands", this.stands());
+    if (!this.is_whole()) return;
     const now = performance.now();
     [...this.rows.values(), ...this.rest.values()].forEach((row) => row.draw_age(now));
     const oldest_ms = drive.oldest_ms ?? null;
