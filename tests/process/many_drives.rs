@@ -69,6 +69,12 @@ pub fn assert_no_stop_moves_in_any_layout(browser: &Browser) {
     // One for each drive, and the one for all.
     let all = DRIVES + 2;
     assert_no_stop_moves(browser, "cards on a desktop", all);
+    let open = "document.querySelectorAll('.drive .opener').forEach((it) => it.click())";
+    browser.script(open);
+    browser.wait("document.querySelector('#drive-d-1 .controls').checkVisibility()");
+    browser.wait("document.querySelector('#drive-d-1 .values').checkVisibility()");
+    assert_no_stop_moves(browser, "cards with all of them open", all);
+    browser.script(open);
     browser.click("#layout button");
     browser.wait("document.querySelector('#drives.rows') !== null");
     assert_no_stop_moves(browser, "rows on a desktop", all);
@@ -209,7 +215,9 @@ fn of_128_drives_that_stand_none_has_a_colour_and_one_that_trips_has() {
         });
         browser.script("window.crowd.drives.update([window.crowd.in_state('d-3', 'tripped')])");
         let (all, beside) = browser.saturated("#drive-d-3");
-        println!("of all pixels {calm:.5} are saturated, with a trip {all:.5}, {beside:.5} of them beside it");
+        println!(
+            "of all pixels {calm:.5} are saturated, with a trip {all:.5}, {beside:.5} of them beside it"
+        );
         assert!(beside < calm_beside + BESIDE_MAX, "{beside} {calm_beside}");
         assert!(all > 2.0 * calm, "{all} {calm}");
         browser.script("window.crowd.drives.update([window.crowd.in_state('d-3', 'stopped')])");

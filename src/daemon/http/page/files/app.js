@@ -14,7 +14,6 @@ import * as signing from "./signing.js";
 import { Stream } from "./stream.js";
 import { Tabs } from "./tabs.js";
 import { clock, number, t, translate, words } from "./texts.js";
-import { Trend } from "./trend.js";
 
 const at = (id) => document.getElementById(id);
 
@@ -44,7 +43,7 @@ function lazy(path, element) {
 let version = null;
 let names = { drives: [], lines: [] };
 
-const trend = new Trend(at("trend"));
+const trend = lazy("./trend.js", at("trend"));
 const journal = new Journal(at("journal"));
 const traffic = lazy("./traffic.js", at("traffic"));
 const report = lazy("./report.js", at("report"));
@@ -56,6 +55,8 @@ const tabs = new Tabs(at("tabs"), [
   { id: "setup", label: t("tab.setup"), element: at("setup"), part: lazy("./setup.js", at("setup")) },
 ]);
 tabs.offer("setup", false);
+// What they show is fetched when it comes into sight, behind the drives.
+const panels = new IntersectionObserver((entries) => entries.some(({ isIntersecting }) => isIntersecting) && tabs.begin());
 
 translate(document);
 footer.start(at("language"));
@@ -120,7 +121,8 @@ const on = {
     take_advice(document.advice ?? []);
     count();
     show(at("waiting"), false);
-    tabs.begin();
+    if (tabs.is_named()) tabs.begin();
+    else panels.observe(at("tabs"));
   },
 
   update(document) {
