@@ -116,7 +116,7 @@ fn what_matters_most_is_said_and_the_rest_is_one_click_away() {
         ("not effective", "stop not effective · 2 more"),
         ("offline", "does not answer"),
         ("warned", "local control · 3 more"),
-        ("stopped", "No controller"),
+        ("stopped", "Not commanded"),
     ] {
         let told = said(state);
         assert!(
@@ -141,4 +141,22 @@ fn what_matters_most_is_said_and_the_rest_is_one_click_away() {
     browser.wait_for_text(&in_card(".said"), "forward acknowledged");
     browser.click(&in_card(".stop"));
     browser.wait_for_text(&in_card(".said"), "stop confirmed");
+}
+
+#[test]
+fn a_search_without_a_hit_says_so_and_counts_agree_with_their_number() {
+    let shop = Shop::open(true);
+    let browser = signed_in(&shop);
+    crowded(&browser);
+    assert!(!browser.is_seen("#no-hit"));
+    browser.fill("#filter input", "no such drive");
+    browser.wait_for_text("#no-hit", "No drive matches");
+    browser.click("#no-hit button");
+    assert!(!browser.is_seen("#no-hit"));
+    let seen = "return [...document.querySelectorAll('.drive')].filter((it) => it.checkVisibility()).length";
+    assert_eq!(browser.script(seen), 9);
+    choose(&browser, "de");
+    browser.wait_for_text("#counts [data-state='stopped']", "1 steht");
+    crowded(&browser);
+    browser.wait_for_text("#counts [data-state='stopped']", "9 stehen");
 }

@@ -28,7 +28,8 @@ function lazy(path, element) {
     },
     open: async () => {
       try {
-        panel ??= import(path).then(({ Panel }) => new Panel(element));
+        if (panel === null) text(element, t("loading"));
+        panel ??= import(path).then(({ Panel }) => new Panel(fill(element)));
         (await panel).names?.(known);
         (await panel).open();
       } catch {
@@ -61,7 +62,7 @@ const panels = new IntersectionObserver((entries) => entries.some(({ isIntersect
 translate(document);
 footer.start(at("language"));
 drives.start(at("drives"));
-filter.start(at("filter"), at("counts"));
+filter.start(at("filter"), at("counts"), at("no-hit"));
 layout.start(at("layout"), at("drives"));
 lines.start(at("lines"));
 notify.start(at("notify"));

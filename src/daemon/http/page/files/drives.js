@@ -184,7 +184,7 @@ class Card {
           "div",
           { class: "figures" },
           h("p", { class: "output" }, h("span", { class: "label" }, t("drive.output")), h("span", { class: "figure" }, this.output, h("span", { class: "unit" }, "Hz"))),
-          h("p", { class: "set" }, h("span", { class: "label" }, t("drive.set")), h("span", { class: "figure" }, this.setpoint, h("span", { class: "unit" }, "Hz"))),
+          h("p", { class: "set" }, h("span", { class: "label" }, t("drive.setpoint")), h("span", { class: "figure" }, this.setpoint, h("span", { class: "unit" }, "Hz"))),
         ),
         this.gauge.bar,
         this.gauge.curve,

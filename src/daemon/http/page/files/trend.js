@@ -81,6 +81,7 @@ export class Panel {
     this.wanted = wanted;
     this.loaded = performance.now();
     if (drives.length === 0) return this.tell(t("trend.choose"));
+    if (this.answers.length === 0) this.tell(t("loading"));
     const path = (drive, more) => query("api/v1/trend", { drive, span, values, ...more });
     const all = await Promise.all(drives.map((drive) => document_at(path(drive, {}), this.element)));
     const marks = await this.load_marks(drives, span);
