@@ -107,6 +107,8 @@ mod browser;
 mod burdening;
 #[path = "process/capturing.rs"]
 mod capturing;
+#[path = "process/card.rs"]
+mod card;
 #[path = "process/certificates.rs"]
 mod certificates;
 #[path = "process/checking.rs"]

@@ -16,6 +16,8 @@ use std::time::Duration;
 const ELEMENT: &str = "element-6066-11e4-a52e-4f735466cecf";
 /// Longer than a control has to be held.
 const HELD_MS: u64 = 900;
+/// How far apart the largest and the smallest part of a saturated colour are, of 255.
+const SATURATED_MIN: u8 = 64;
 /// A browser starts on a machine that is busy with other tests.
 const START_MAX: Duration = Duration::from_secs(60);
 
@@ -267,6 +269,25 @@ impl Browser {
     /// A picture of what is in the window, as PNG.
     pub fn picture(&self) -> Vec<u8> {
         unpacked(self.get("/screenshot").as_str().unwrap())
+    }
+
+    /// The shares of the window whose pixels are saturated: of all of it, and of what is not inside this element.
+    pub fn saturated(&self, css: &str) -> (f64, f64) {
+        let picture = self.get("/screenshot");
+        let shares = self.script(&format!(
+            "const bytes = Uint8Array.from(atob({picture}), (it) => it.charCodeAt(0)); \
+             const {{ left, right, top, bottom }} = document.querySelector({css:?}).getBoundingClientRect(); \
+             return createImageBitmap(new Blob([bytes])).then((image) => {{ \
+             const {{ width, height }} = image; const context = new OffscreenCanvas(width, height).getContext('2d'); \
+             context.drawImage(image, 0, 0); const {{ data }} = context.getImageData(0, 0, width, height); \
+             let [all, outside] = [0, 0]; \
+             for (let at = 0; at < width * height; at += 1) {{ const rgb = data.slice(at * 4, at * 4 + 3); \
+             if (Math.max(...rgb) - Math.min(...rgb) < {SATURATED_MIN}) continue; all += 1; \
+             const [x, y] = [at % width, Math.floor(at / width)]; \
+             if (x < Math.floor(left) || x >= Math.ceil(right) || y < Math.floor(top) || y >= Math.ceil(bottom)) outside += 1; }} \
+             return [all / width / height, outside / width / height]; }})"
+        ));
+        (shares[0].as_f64().unwrap(), shares[1].as_f64().unwrap())
     }
 
     /// What the page and the browser have complained of since this was last asked.

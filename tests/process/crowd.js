@@ -19,18 +19,29 @@ const STATES = {
   stopped: { run_state: "stopped" },
   inhibited: { run_state: "stopped", control: { start_inhibited: true } },
   pending: { run_state: "forward", control: { ...owner, stop_pending: true, command_pending: true } },
-  "not effective": { run_state: "forward", control: { ...owner, not_effective: true, failsafe: "stop", stop_pending: true } },
+  "not effective": { run_state: "forward", control: { ...owner, not_effective: true, failsafe: { action: "stop", stage: "sent" }, stop_pending: true } },
   tripped: { run_state: "tripped", trip: tripped, control: { start_inhibited: true } },
   "tripped before": { run_state: "stopped", trip: { ...tripped, active: false } },
   warned: { run_state: "forward", warning: long, watchdog: "not_in_order", status: { local: true, alarm: true, ready: false } },
   offline: { run_state: "offline", presence: "offline", output_frequency_hz: null, trip: { ...trip, active: null } },
+  "may still run": {
+    run_state: "offline", presence: "offline", output_frequency_hz: null, may_still_run: true, trip: { ...trip, active: null },
+    last_seen: { run_state: "forward", output_hz: 42.25, at: "2026-01-02T03:04:05Z" },
+    control: { stop_pending: true, failsafe: { action: "stop", stage: "due" } },
+  },
   unknown: { run_state: "unknown", output_frequency_hz: null, setpoint_hz: null, trip: { ...trip, active: null } },
 };
+
+// The gateway does not know them, and so has no trend of them.
+const fetched = window.fetch;
+window.fetch = (path, ...more) => (String(path).includes("/trend?drive=d-")
+  ? Promise.resolve(new Response(JSON.stringify({ columns: [{ name: "output_frequency", unit: "Hz" }], values: [[10, 20, null, 42]] })))
+  : fetched(path, ...more));
 
 function in_state(name, state) {
   const { control = {}, ...rest } = STATES[state];
   const values = real.values.map((value) => (state === "offline" ? { ...value, quality: "stale", age_ms: 90_000 } : value));
-  const drive = { ...real, name, values, trip, warning: null, watchdog: null, presence: "online", ...rest };
+  const drive = { ...real, name, values, trip, warning: null, watchdog: null, presence: "online", may_still_run: false, ...rest };
   return { ...drive, control: { ...real.control, ...no_owner, ...quiet, ...control } };
 }
 
@@ -76,6 +87,11 @@ function moved(many) {
     problems.advise(advice(Object.keys(STATES).indexOf(state) % 7));
     filter.count(drives.all());
     compare(state);
+    // How an order ended takes the place of what else is said.
+    const shown = [...document.querySelectorAll(".drive .result, .drive .words")];
+    shown.forEach((part) => (part.hidden = !part.hidden));
+    compare(`${state}, with a result`);
+    shown.forEach((part) => (part.hidden = !part.hidden));
   }
   drives.update(names(many).map((name) => in_state(name, "stopped")));
   problems.stopping();

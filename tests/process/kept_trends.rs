@@ -43,6 +43,8 @@ fn a_minute_that_was_kept_is_there_after_a_kill_and_the_page_draws_it() {
     );
 
     let browser = shop.browser();
+    browser.click("#tab-trend");
+    browser.wait("document.querySelector('#trend select') !== null");
     browser.script(
         "const span = document.querySelector('#trend select'); span.value = '24h'; span.dispatchEvent(new Event('change'))",
     );

@@ -443,7 +443,7 @@ fn a_trip_is_shown_and_reset() {
 
 /// The sums of the drive are on its card, and its days are a file.
 fn shows_what_was_used(browser: &Browser) {
-    let card = "document.querySelector('#drive-pump-1 .others').textContent";
+    let card = "document.querySelector('#drive-pump-1 .values').textContent";
     for (label, sum) in [("Starts", 1), ("Trips in total", 1)] {
         browser.wait(&format!("{card}.includes('{label}{sum}')"));
     }

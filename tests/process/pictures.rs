@@ -36,6 +36,7 @@ fn pictures_of_the_page_for_the_readme() {
         ("belt-4", "30", "Forward"),
     ] {
         let card = format!("#drive-{drive}");
+        browser.click(&format!("{card} .opener"));
         browser.fill(&format!("{card} input"), hertz);
         browser.script(&format!(
             "document.getElementById('wanted')?.removeAttribute('id'); \
@@ -43,6 +44,9 @@ fn pictures_of_the_page_for_the_readme() {
         ));
         browser.hold("#wanted");
     }
+    browser.script(
+        "document.querySelectorAll('.opener[aria-expanded=true]').forEach((it) => it.click())",
+    );
     for drive in ["fan-2", "belt-4"] {
         browser.wait_for_text(&format!("#drive-{drive} .state"), "FORWARD");
     }

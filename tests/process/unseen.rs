@@ -46,7 +46,7 @@ fn a_motor_whose_cable_is_pulled_may_still_run_until_a_person_has_looked() {
         "{told}"
     );
     let largest = "const card = document.querySelector('#drive-pump-1'); const size = (it) => parseFloat(getComputedStyle(it).fontSize); \
-                   const all = [...card.querySelectorAll('*')].filter((it) => it.checkVisibility() && [...it.childNodes].some((part) => \
+                   const all = [...card.querySelectorAll('*')].filter((it) => it.checkVisibility({ visibilityProperty: true }) && [...it.childNodes].some((part) => \
                    part.nodeType === 3 && part.data.trim() !== '')); all.sort((one, other) => size(other) - size(one)); \
                    return [all[0].textContent, size(all[0]) > size(all[1])]";
     assert_eq!(browser.script(largest), json!(["May still run", true]));
@@ -187,6 +187,9 @@ fn the_whole_name_is_beside_what_acts_however_long_it_is() {
     let browser = shop.browser();
     sign_in(&browser, PASSWORD);
     browser.wait("document.querySelector('.drive .stop').checkVisibility()");
+    // All that acts is there at once.
+    browser.script("document.querySelectorAll('.opener').forEach((it) => it.click())");
+    browser.wait("document.querySelector('.drive .hold.run').checkVisibility()");
     let id = format!("drive-{LONG}");
     let name = format!("document.getElementById('{id}').querySelector('h3')");
     let in_sight = format!(

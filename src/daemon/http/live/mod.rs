@@ -231,11 +231,11 @@ impl LiveState {
     }
 
     /// The trend of the drive called `name`; `None` before its first sample.
-    fn trend(&self, name: &str) -> Option<Value> {
+    fn trend(&self, name: &str, rows: usize) -> Option<Value> {
         let end = self
             .trends
             .newest_at()
             .map_or(0, |at| self.clock.wall(at).unix_ms.div_euclid(1000));
-        self.trends.document(name, end)
+        self.trends.document(name, end, rows)
     }
 }

@@ -345,6 +345,7 @@ fn documents_are_found_and_mistakes_are_named() {
         };
         let (status, trend) = of("/api/v1/trend?drive=pump-1").await;
         assert_eq!((status, &trend["values"][0]), (200, &json!([10.0])));
+        assert_eq!(of("/api/v1/trend?drive=pump-1&span=10m").await.1, trend);
         let (status, advice) = of("/api/v1/advice").await;
         assert_eq!(status, 200);
         assert!(
@@ -368,7 +369,12 @@ fn documents_are_found_and_mistakes_are_named() {
             (
                 "/api/v1/trend?drive=pump-1&span=1y",
                 400,
-                "expected 1h, 24h, 7d, 30d",
+                "expected 10m, 1h, 24h, 7d, 30d",
+            ),
+            (
+                "/api/v1/trend?drive=pump-1&span=10m&format=csv",
+                400,
+                "neither",
             ),
             (
                 "/api/v1/trend?drive=pump-1&format=xml",

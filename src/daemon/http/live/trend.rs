@@ -7,6 +7,7 @@ use crate::daemon::http::query::QueryKeys;
 use crate::daemon::trends;
 use crate::north::page::history::{DriveHistory, Names};
 use crate::north::page::kept::{LEVELS, TrendLevel};
+use crate::north::page::trend::{ROWS_MAX, ROWS_RECENT};
 use axum::extract::{RawQuery, State};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -23,6 +24,16 @@ enum TrendFormat {
     /// A list of rows, for dashboards.
     Rows,
     Csv,
+}
+
+/// Where a trend comes from.
+#[derive(Debug)]
+enum TrendSource {
+    /// The newest rows in memory.
+    Memory {
+        rows: usize,
+    },
+    Disk(KeptTrendQuery),
 }
 
 /// What is read from the disk.
@@ -68,8 +79,8 @@ pub async fn trend(State(live): State<Arc<LiveDocuments>>, RawQuery(query): RawQ
     }
     match parse_query(&query, name) {
         Err(what) => error_answer(StatusCode::BAD_REQUEST, what),
-        Ok(Some(kept)) => read(&live, kept).await,
-        Ok(None) => match live.lock().trend(name) {
+        Ok(TrendSource::Disk(kept)) => read(&live, kept).await,
+        Ok(TrendSource::Memory { rows }) => match live.lock().trend(name, rows) {
             Some(document) => fresh(&document),
             None => error_answer(
                 StatusCode::SERVICE_UNAVAILABLE,
@@ -79,8 +90,7 @@ pub async fn trend(State(live): State<Arc<LiveDocuments>>, RawQuery(query): RawQ
     }
 }
 
-/// What to read from the disk; `None` if the last hour from memory is wanted.
-fn parse_query(query: &QueryKeys, drive: &str) -> Result<Option<KeptTrendQuery>, String> {
+fn parse_query(query: &QueryKeys, drive: &str) -> Result<TrendSource, String> {
     let wanted: Names = query
         .get("values")
         .map(|names| names.split(',').map(str::to_owned).collect());
@@ -94,9 +104,12 @@ fn parse_query(query: &QueryKeys, drive: &str) -> Result<Option<KeptTrendQuery>,
             ));
         }
     };
+    let is_plain = wanted.is_none() && format == TrendFormat::Json;
     let [minutes, ..] = LEVELS;
     let (level, rows) = match query.get("span").unwrap_or("1h") {
-        "1h" if wanted.is_none() && format == TrendFormat::Json => return Ok(None),
+        "10m" if is_plain => return Ok(TrendSource::Memory { rows: ROWS_RECENT }),
+        "10m" => return Err("`span=10m` takes neither `values` nor `format`".to_owned()),
+        "1h" if is_plain => return Ok(TrendSource::Memory { rows: ROWS_MAX }),
         "1h" => (
             minutes,
             usize::try_from(HOUR_S / minutes.step_s).unwrap_or(minutes.rows),
@@ -107,10 +120,13 @@ fn parse_query(query: &QueryKeys, drive: &str) -> Result<Option<KeptTrendQuery>,
             .map(|level| (level, level.rows))
             .ok_or_else(|| {
                 let spans: Vec<_> = LEVELS.iter().map(|level| level.span).collect();
-                format!("unknown `span={span}`; expected 1h, {}", spans.join(", "))
+                format!(
+                    "unknown `span={span}`; expected 10m, 1h, {}",
+                    spans.join(", ")
+                )
             })?,
     };
-    Ok(Some(KeptTrendQuery {
+    Ok(TrendSource::Disk(KeptTrendQuery {
         drive: drive.to_owned(),
         level,
         rows,

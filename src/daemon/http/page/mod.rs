@@ -38,7 +38,8 @@ const FILES: [&[PageFile]; 6] = [
     &files!("text/html; charset=utf-8": "index.html", "offline.html"),
     &files!("text/css; charset=utf-8": "page.css", "setup.css", "uplot.min.css"),
     &files!("text/javascript; charset=utf-8":
-        "app.js", "chart.js", "control.js", "dom.js", "drives.js", "fetched.js", "filter.js", "footer.js", "hold.js",
+        "app.js", "chart.js", "control.js", "dom.js", "drives.js", "fetched.js", "filter.js", "fit.js", "footer.js",
+        "gauge.js", "hold.js",
         "journal.js", "kept.js", "layout.js", "leases.js", "lines.js", "notify.js", "offline.js", "problems.js", "report.js",
         "session.js", "setup.js", "setup_found.js", "setup_parts.js", "setup_rules.js", "setup_verify.js", "signing.js",
         "stream.js", "tabs.js", "texts.js", "ticker.js", "titles.js", "traffic.js", "trend.js", "trip_history.js",

@@ -42,14 +42,16 @@ fn every_file_is_served_and_all_are_small() {
         text(files().find(|file| file.name == "app.js").unwrap()),
         "lazy(\"./",
     );
-    assert_eq!(lazy, ["traffic.js", "report.js", "setup.js"]);
+    assert_eq!(lazy, ["trend.js", "traffic.js", "report.js", "setup.js"]);
     for TextCatalogue { language, .. } in CATALOGUES {
         let is_of_language = |name: &str| name.ends_with(&format!(".{language}.json"));
         // Panels that few use are fetched when they are opened; a page in English needs no sentences of the gateway.
         let is_fetched = |name: &str| {
             let is_other =
                 name.ends_with(".json") && (!is_of_language(name) || name == "gateway.en.json");
+            let is_of_trend = name == "chart.js" || name.starts_with("uplot");
             !name.starts_with("setup")
+                && !is_of_trend
                 && !lazy.contains(&name)
                 && !name.ends_with(".txt")
                 && !is_other

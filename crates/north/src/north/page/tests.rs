@@ -3,7 +3,7 @@
 use super::gateway::{BrokerWay, PageJournal};
 use super::line_use::LineRates;
 use super::testing::{NOW, NOW_TEXT, clock, description, drive, models, view};
-use super::trend::{ROWS_MAX, STEP};
+use super::trend::{ROWS_MAX, ROWS_RECENT, STEP};
 use super::{DriveTrends, PageDrive, PageGateway, PageLine, PageMoment, trips};
 use crate::domain::command::{Outcome, Owner, Reason, Report, RunIntent};
 use crate::domain::control::FailSafe;
@@ -1029,7 +1029,7 @@ fn the_trend_of_every_model_has_the_columns_that_it_can_fill() {
         let mut trends = DriveTrends::default();
         trends.change_to([&description]);
         trends.note(NOW, [drive(&description, &view)]);
-        let shown = trends.document("pump-1", 1_706_688_000).unwrap();
+        let shown = trends.document("pump-1", 1_706_688_000, ROWS_MAX).unwrap();
         let names: Vec<_> = shown["columns"]
             .as_array()
             .unwrap()
@@ -1048,7 +1048,7 @@ fn the_trend_of_every_model_has_the_columns_that_it_can_fill() {
             (&json!(2), &json!(1_706_688_000))
         );
     }
-    assert!(DriveTrends::default().document("pump-1", 0).is_none());
+    assert!(DriveTrends::default().document("pump-1", 0, 1).is_none());
 }
 
 #[test]
@@ -1056,12 +1056,13 @@ fn a_trend_keeps_an_hour_with_gaps_where_nothing_was_known() {
     let description = description("hyundai-n700");
     let mut trends = DriveTrends::default();
     trends.change_to([&description]);
-    let rows = |trends: &DriveTrends| {
-        trends.document("pump-1", 0).unwrap()["values"][0]
+    let newest = |trends: &DriveTrends, rows| {
+        trends.document("pump-1", 0, rows).unwrap()["values"][0]
             .as_array()
             .unwrap()
             .clone()
     };
+    let rows = |trends: &DriveTrends| newest(trends, ROWS_MAX);
     let at = |row: u32| NOW + STEP * row;
     let mut fresh = view(&description, 0);
     for row in 0..2000 {
@@ -1077,6 +1078,7 @@ fn a_trend_keeps_an_hour_with_gaps_where_nothing_was_known() {
         (kept.len(), &kept[0], &kept[ROWS_MAX - 1]),
         (ROWS_MAX, &json!(2.0), &json!(19.99))
     );
+    assert_eq!(newest(&trends, ROWS_RECENT), kept[ROWS_MAX - ROWS_RECENT..]);
     // Nothing was read since, and two rows were missed.
     trends.note(at(2002), [drive(&description, &fresh)]);
     assert_eq!(
@@ -1103,7 +1105,7 @@ fn a_drive_that_stays_the_same_keeps_its_trend_over_a_change_of_the_configuratio
     trends.change_to([&other, &old]);
     let rows = |trends: &DriveTrends, name| {
         trends
-            .document(name, 0)
+            .document(name, 0, 1)
             .map(|it| it["values"][0].as_array().unwrap().len())
     };
     assert_eq!(

@@ -16,6 +16,8 @@ use std::time::Duration;
 pub const STEP: Duration = Duration::from_secs(2);
 /// Most rows of a drive: an hour.
 pub const ROWS_MAX: usize = 1800;
+/// Rows of the last ten minutes.
+pub const ROWS_RECENT: usize = 300;
 /// Digits of a value that is derived from a rated one, and of one that is not read.
 const USUAL_DIGITS: u8 = 2;
 
@@ -68,17 +70,17 @@ impl DriveTrends {
         Some(MonoTime::ZERO + STEP * u32::try_from(self.newest?).ok()?)
     }
 
-    /// The document of the drive called `name`, whose newest row is at `end_at_s` seconds after 1970-01-01 UTC; `None`
-    /// if there is no such drive.
+    /// The document of the newest `rows` rows of the drive called `name`, whose newest row is at `end_at_s` seconds after
+    /// 1970-01-01 UTC; `None` if there is no such drive.
     #[must_use]
-    pub fn document(&self, name: &str, end_at_s: i64) -> Option<Value> {
+    pub fn document(&self, name: &str, end_at_s: i64, rows: usize) -> Option<Value> {
         let trend = self.drives.get(&Name::new(name)?)?;
         Some(json!({
             "drive": name,
             "step_s": STEP.as_secs(),
             "end_at_s": end_at_s,
             "columns": trend.columns.iter().map(TrendColumn::document).collect::<Vec<_>>(),
-            "values": trend.values(),
+            "values": trend.values(rows),
         }))
     }
 }
@@ -122,12 +124,13 @@ impl DriveTrend {
         );
     }
 
-    /// Column by column.
-    fn values(&self) -> Vec<Vec<Option<f64>>> {
+    /// The newest `rows` rows, column by column.
+    fn values(&self, rows: usize) -> Vec<Vec<Option<f64>>> {
+        let older = self.cells.len().saturating_sub(rows * self.columns.len());
         let cells = |place| {
             self.cells
                 .iter()
-                .skip(place)
+                .skip(older + place)
                 .step_by(self.columns.len().max(1))
         };
         let columns = self.columns.iter().enumerate();

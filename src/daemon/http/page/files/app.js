@@ -15,7 +15,6 @@ import { Stream } from "./stream.js";
 import { Tabs } from "./tabs.js";
 import { clock, number, t, translate, words } from "./texts.js";
 import * as titles from "./titles.js";
-import { Trend } from "./trend.js";
 
 const at = (id) => document.getElementById(id);
 
@@ -30,7 +29,8 @@ function lazy(path, element) {
     },
     open: async () => {
       try {
-        panel ??= import(path).then(({ Panel }) => new Panel(element));
+        if (panel === null) text(element, t("loading"));
+        panel ??= import(path).then(({ Panel }) => new Panel(fill(element)));
         (await panel).names?.(known);
         (await panel).open();
       } catch {
@@ -45,7 +45,7 @@ function lazy(path, element) {
 let version = null;
 let names = { drives: [], lines: [] };
 
-const trend = new Trend(at("trend"));
+const trend = lazy("./trend.js", at("trend"));
 const journal = new Journal(at("journal"));
 const traffic = lazy("./traffic.js", at("traffic"));
 const report = lazy("./report.js", at("report"));
@@ -57,11 +57,13 @@ const tabs = new Tabs(at("tabs"), [
   { id: "setup", label: t("tab.setup"), element: at("setup"), part: lazy("./setup.js", at("setup")) },
 ]);
 tabs.offer("setup", false);
+// What they show is fetched when it comes into sight, behind the drives.
+const panels = new IntersectionObserver((entries) => entries.some(({ isIntersecting }) => isIntersecting) && tabs.begin());
 
 translate(document);
 footer.start(at("language"));
 drives.start(at("drives"));
-filter.start(at("filter"), at("counts"));
+filter.start(at("filter"), at("counts"), at("no-hit"));
 layout.start(at("layout"), at("drives"));
 lines.start(at("lines"));
 notify.start(at("notify"));
@@ -102,6 +104,12 @@ function take_advice(advice) {
   attribute(at("icon"), "href", many === 0 ? "assets/icon.svg" : "assets/icon-problem.svg");
 }
 
+/** What is said of all drives together. */
+function count() {
+  filter.count(drives.all());
+  document.body.classList.toggle("all-stand", drives.all_stand());
+}
+
 const on = {
   state(document) {
     titles.take(document.titles);
@@ -114,9 +122,10 @@ const on = {
     filter.parts(document.drives);
     drives.redraw(true);
     take_advice(document.advice ?? []);
-    filter.count(drives.all());
+    count();
     show(at("waiting"), false);
-    tabs.begin();
+    if (tabs.is_named()) tabs.begin();
+    else panels.observe(at("tabs"));
   },
 
   update(document) {
@@ -125,7 +134,7 @@ const on = {
     if (document.oldest_ms) drives.oldest(document.oldest_ms);
     if (document.drives) drives.update(document.drives);
     if (document.advice) take_advice(document.advice);
-    filter.count(drives.all());
+    count();
   },
 
   trip({ drive: tripped, kind, code, text: sentence }) {
@@ -150,6 +159,7 @@ const on = {
     const was_lost = document.body.dataset.connection === "lost";
     attribute(document.body, "data-connection", state);
     drives.redraw(state === "live");
+    count();
     const word = state === "live" ? "live" : is_lost ? "lost" : "connecting";
     const at_least = heard_at === null ? "" : "_since";
     const since = { since: heard_at === null ? "" : clock(heard_at) };

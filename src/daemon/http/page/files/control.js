@@ -6,20 +6,26 @@ import * as leases from "./leases.js";
 import * as session from "./session.js";
 import { clock, decimal, number, t, words } from "./texts.js";
 
+/** How long it is told how a command ended. */
+const TOLD_MS = { good: 20_000, bad: 60_000, pending: Infinity };
 const TAKEN = new Set(["acknowledged", "confirmed", "unknown"]);
 const ACTIONS = [
+  ["standstill", t("action.standstill"), "plain across", {}],
   ["reverse", t("action.reverse"), "run", { run: "reverse" }],
   ["forward", t("action.forward"), "run", { run: "forward" }],
   ["reset", t("action.reset"), "plain", { reset: true }],
   ["take", t("action.take"), "plain", { take: true }],
-  ["standstill", t("action.standstill"), "plain", {}],
 ];
 
 /** The controls of one drive. */
 export class Controls {
-  constructor(drive) {
+  /** `told` is called when there is another result. */
+  constructor(drive, told) {
     this.drive = drive;
     this.shown = drive;
+    this.told = told;
+    this.told_at = -Infinity;
+    this.kind = "good";
     this.control = null;
     this.may_be_tripped = false;
     this.is_live = false;
@@ -55,14 +61,13 @@ export class Controls {
       ACTIONS.map(([word, label, kind, body]) => [word, new Hold(label, kind, () => this.send(word, { ...body }))]),
     );
     const buttons = [...this.holds.values()].map((hold) => hold.element);
-    this.result = h("p", { class: "result" });
-    this.stops = h("div", { class: "stops", role: "group" }, this.stop, this.coast);
+    this.result = h("p", { class: "result", tabindex: "0" });
+    this.stops = h("div", { class: "stops", role: "group" }, this.stop);
     this.element = h(
       "div",
       { class: "controls", role: "group" },
       this.form,
-      h("div", { class: "holds" }, ...buttons),
-      this.result,
+      h("div", { class: "holds" }, ...buttons, this.coast),
     );
   }
 
@@ -90,7 +95,10 @@ export class Controls {
     const is_from_page = control?.from?.includes("page") === true;
     show(this.stops, is_from_page && session.may_stop());
     // A user who may command may say that a motor stands, also of a drive that is not commanded from here.
-    show(this.element, (is_from_page || this.may_still_run) && session.may_command(group ?? null));
+    this.may_command = session.may_command(group ?? null);
+    // To coast is to stop, which those may too who command other drives alone.
+    const may_coast = is_from_page && session.may_stop() && control.can.includes("coast");
+    this.is_offered_at_all = may_coast || ((is_from_page || this.may_still_run) && this.may_command);
     this.is_from_page = is_from_page;
     if (control || this.may_still_run) this.draw();
   }
@@ -103,7 +111,16 @@ export class Controls {
     if (is_pending || !this.was_pending) return;
     this.awaits_stop = false;
     if (run_state === "stopped") this.tell("good", t("stop.effective"));
-    else text(this.result, "");
+    else {
+      text(this.result, "");
+      this.told_at = -Infinity;
+      this.told();
+    }
+  }
+
+  /** The kind of the result, as long as it is told; null without one. */
+  told_kind() {
+    return performance.now() - this.told_at < TOLD_MS[this.kind] ? this.kind : null;
   }
 
   draw() {
@@ -115,7 +132,7 @@ export class Controls {
     this.input.placeholder = t("range", { least: min_hz, most: max_hz });
     text(this.hint, t(is_wrong ? "range.wrong" : "range.hz", { least: min_hz, most: max_hz }));
     this.hint.className = is_wrong ? "range wrong" : "range unseen";
-    show(this.form, can.includes("frequency"));
+    show(this.form, this.may_command && can.includes("frequency"));
     show(this.coast, can.includes("coast"));
     const seen = site?.length ? ` ${t("control.seen", { actions: site.map(words).join(", ") })}` : "";
     const title = `${t("control.lost", { action: words(on_commander_lost), seconds: lost_after_s })}${seen}`;
@@ -132,8 +149,8 @@ export class Controls {
 
   /** In place of starting a drive that is out of sight, a person can say that its motor stands. */
   is_offered(word, kind, can) {
-    if (word === "standstill") return this.may_still_run;
-    return can.includes(word) && !(kind === "run" && this.may_still_run);
+    if (word === "standstill") return this.may_still_run && this.may_command;
+    return this.may_command && can.includes(word) && !(kind === "run" && this.may_still_run);
   }
 
   /** There is something to reset, or to take. */
@@ -163,9 +180,11 @@ export class Controls {
   }
 
   tell(kind, message, is_urgent = false) {
+    this.kind = kind;
+    this.told_at = performance.now();
     this.result.className = `result ${kind}`;
     text(this.result, `${clock(Date.now())} ${message}`);
-    this.result.title = message;
+    this.told();
     if (kind !== "pending") announce(`${this.shown}: ${message}`, is_urgent);
   }
 }

@@ -2,6 +2,13 @@
 
 const SVG = "http://www.w3.org/2000/svg";
 
+/** Makes a part of a drawing. */
+export function svg(name, attributes, ...children) {
+  const element = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+  return add(element, ...children);
+}
+
 /** Makes an element. `attributes` that are functions listen to the event of that name; false and null leave one out. */
 export function h(name, attributes = {}, ...children) {
   const element = document.createElement(name);
@@ -90,20 +97,14 @@ const SHAPES = {
 
 /** A shape for a state; one that is not known gets that of `unknown`. */
 export function shape(name) {
-  const svg = document.createElementNS(SVG, "svg");
-  for (const [key, value] of [["viewBox", "0 0 20 20"], ["aria-hidden", "true"], ["class", "shape"]]) {
-    svg.setAttribute(key, value);
-  }
-  const path = document.createElementNS(SVG, "path");
-  path.setAttribute("fill-rule", "evenodd");
-  svg.append(path);
-  reshape(svg, name);
-  return svg;
+  const drawn = svg("svg", { viewBox: "0 0 20 20", "aria-hidden": "true", class: "shape" }, svg("path", { "fill-rule": "evenodd" }));
+  reshape(drawn, name);
+  return drawn;
 }
 
 /** Gives a shape another form. */
-export function reshape(svg, name) {
-  attribute(svg.firstChild, "d", SHAPES[name] ?? SHAPES.unknown);
+export function reshape(drawn, name) {
+  attribute(drawn.firstChild, "d", SHAPES[name] ?? SHAPES.unknown);
 }
 
 const waiting = [];

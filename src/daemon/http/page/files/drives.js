@@ -2,13 +2,15 @@
 
 import { Controls } from "./control.js";
 import { announce, attribute, fill, h, keyed, reshape, shape, show, text } from "./dom.js";
+import { fit } from "./fit.js";
+import { Gauge } from "./gauge.js";
 import * as leases from "./leases.js";
 import { number, recent, role, span, t, unit, value_label, words } from "./texts.js";
 import { called } from "./titles.js";
 import { before } from "./trip_history.js";
 
 // What an operator looks for comes first; the rest is one click away.
-const FIRST_VALUES = 5;
+const FIRST_VALUES = 3;
 /** What an operator looks for before all else. */
 const LOOKED_FOR = ["output_current", "output_power", "torque", "output_voltage", "dc_link_voltage", "temperature"];
 
@@ -17,7 +19,19 @@ const AGES_MS = 500;
 const SETTLE_MS = 1000;
 /** Ages out of sight are drawn once in so many times. */
 const OUT_OF_SIGHT = 10;
+/** Curves move by a pixel in about this time. */
+const CURVES_MS = 10_000;
+/** How urgent marks of each kind are, and the rest that may be said: a small number comes first. */
+const RANKS = { open: 1, unknown: 2, bad: 3, warn: 3, info: 6 };
+const KINDS = { open: "bad", bad: "bad", unknown: "unknown", warn: "warn", info: "info" };
+const TRIP_RANK = 2;
+const DONE_RANK = 2.5;
+const OWNER_RANK = 4;
+/** Texts of so many letters have room in the narrowest card. */
+const SURE = { name: 32, said: 52 };
 
+/** Orders by which a motor may run. */
+const RUNS = new Set(["forward", "reverse"]);
 /** Of a declared action: it did not show its effect. */
 const OPEN_STAGES = new Set(["due", "sent", "given_up"]);
 
@@ -36,15 +50,23 @@ let order = [];
 export function start(element) {
   place = element;
   setInterval(draw_ages, AGES_MS);
+  setInterval(() => each_seen((card) => card.gauge.draw()), CURVES_MS);
+  addEventListener("resize", () => requestAnimationFrame(() => cards.forEach((card) => card.fit())));
   leases.changed((name) => cards.get(name)?.draw());
 }
 
 /** Cards out of sight are drawn less often: with many drives it is most of what the page costs. */
 function draw_ages() {
   ticks += 1;
+  const now = performance.now();
   for (const card of cards.values()) {
+    card.gauge.note(now, is_live ? card.drive?.output_frequency_hz ?? null : null);
     if (card.is_seen || ticks % OUT_OF_SIGHT === 0) card.draw_ages();
   }
+}
+
+function each_seen(act) {
+  for (const card of cards.values()) if (card.is_seen && card.is_whole()) act(card);
 }
 
 const watcher = new IntersectionObserver((entries) => {
@@ -63,6 +85,7 @@ function arrange(drives) {
   const rank = ({ name }) => (order.includes(name) ? order.indexOf(name) : order.length);
   const sorted = [...drives].sort((one, other) => rank(one) - rank(other));
   keyed(place, cards, sorted, (drive) => drive.name, (drive) => new Card(drive.name));
+  place.classList.toggle("single", drives.length === 1);
 }
 
 /** Shows what is new of some drives: of each the keys that changed, and of its values those that did. */
@@ -95,8 +118,14 @@ export function as_rows(is) {
 
 /** Draws all again, because what is around them has changed. */
 export function redraw(is_live_now = is_live) {
+  if (is_live && !is_live_now) cards.forEach((card) => card.gauge.forget());
   is_live = is_live_now;
   cards.forEach((card) => card.draw());
+}
+
+/** Whether every motor is known to stand. */
+export function all_stand() {
+  return cards.size > 0 && [...cards.values()].every((card) => card.stands());
 }
 
 /** All drives as they were last told. */
@@ -127,46 +156,83 @@ class Card {
     this.before = h("p", { class: "trip", hidden: true });
     this.looked_up = null;
     this.marks = h("ul", { class: "marks", "aria-label": t("drive.marks") });
+    this.facts = h("dl", { class: "facts" });
     this.values = h("dl", { class: "values" });
-    this.others = h("dl", { class: "values" });
-    this.summary = h("summary");
-    this.details = h("details", { class: "others" }, this.summary, this.others);
     this.owner = h("p", { class: "owner" });
     this.age = h("p", { class: "age" });
-    this.controls = new Controls(name);
+    this.gauge = new Gauge(name);
+    this.controls = new Controls(name, () => this.drive && this.draw_said());
+    this.said = h("p", { class: "words", tabindex: "0" });
+    this.marked = [];
+    /** What a person has opened. */
+    this.opened = { operate: false, details: false };
+    this.operate = this.opener("operate", t("drive.operate"), `operate-${name}`);
+    this.more = this.opener("details", t("panels"), `details-${name}`);
+    this.controls.element.id = `operate-${name}`;
     const id = `drive-${name}`;
     this.open = h("a", { class: "open" });
+    this.heading = h("h3", { id: `${id}-name` }, this.open);
+    this.notes = h("div", { class: "notes", tabindex: "0", role: "group" }, this.owner, this.trip, this.at_trip, this.before, this.marks);
+    this.details = h("div", { class: "details", id: `details-${name}` }, this.notes, this.values);
     this.close = h("a", { class: "close", href: "#drives-title" }, t("close"));
-    this.notes = h("div", { class: "notes", tabindex: "0", role: "group" }, this.trip, this.at_trip, this.before, this.marks);
     this.element = h(
       "article",
       { class: "card drive", id, tabindex: "-1", "aria-labelledby": `${id}-name` },
-      h("header", {}, h("h3", { id: `${id}-name` }, this.open), h("p", { class: "state" }, this.shape, this.state), this.close),
+      h("header", {}, this.heading, this.close),
       // Above all that comes and goes: a hand that is on its way finds it where it was.
-      this.controls.stops,
-      this.about,
-      this.unseen,
+      h("div", { class: "head" }, h("p", { class: "state" }, this.shape, this.state), this.controls.stops),
       h(
         "div",
-        { class: "figures" },
-        h("p", { class: "output" }, h("span", { class: "label" }, t("drive.output")), h("span", { class: "figure" }, this.output, h("span", { class: "unit" }, "Hz"))),
-        h("p", { class: "set" }, h("span", { class: "label" }, t("drive.set")), h("span", { class: "figure" }, this.setpoint, h("span", { class: "unit" }, "Hz"))),
+        { class: "live" },
+        h(
+          "div",
+          { class: "figures" },
+          h("p", { class: "output" }, h("span", { class: "label" }, t("drive.output")), h("span", { class: "figure" }, this.output, h("span", { class: "unit" }, "Hz"))),
+          h("p", { class: "set" }, h("span", { class: "label" }, t("drive.setpoint")), h("span", { class: "figure" }, this.setpoint, h("span", { class: "unit" }, "Hz"))),
+        ),
+        this.gauge.bar,
+        this.gauge.curve,
+        this.facts,
+        this.unseen,
       ),
-      this.notes,
+      h("div", { class: "said" }, this.said, this.controls.result),
+      h("div", { class: "more" }, this.operate, this.more, this.age),
       this.controls.element,
-      this.values,
       this.details,
-      h("footer", {}, this.owner, this.age),
+      this.about,
     );
-    this.is_seen = true;
+    this.is_seen = false;
     of_element.set(this.element, this);
     watcher.observe(this.element);
+  }
+
+  /** A button that opens and closes a part of the card. */
+  opener(part, label, controls) {
+    const toggle = () => {
+      this.opened[part] = !this.opened[part];
+      this.draw();
+    };
+    return h("button", { type: "button", class: "plain opener", "aria-controls": controls, click: toggle }, label);
   }
 
   /** It has come into the window, or left it. */
   see(is) {
     this.is_seen = is;
-    if (is) this.draw_ages();
+    if (!is) return;
+    this.draw_ages();
+    this.fit();
+    this.begin_curve();
+  }
+
+  begin_curve() {
+    if (this.is_seen && is_live && this.drive && this.is_whole()) this.gauge.load();
+  }
+
+  fit() {
+    fit(this.heading, SURE.name);
+    fit(this.unseen, 0);
+    fit(this.said, SURE.said);
+    fit(this.controls.result, SURE.said);
   }
 
   take(news) {
@@ -200,6 +266,7 @@ class Card {
     attribute(this.close, "aria-label", t("drive.close", { name: shown }));
     attribute(this.notes, "aria-label", t("drive.notes", { name: shown }));
     this.controls.rename(shown);
+    if (this.is_seen) fit(this.heading, SURE.name);
   }
 
   take_age(age_ms) {
@@ -225,14 +292,43 @@ class Card {
     this.draw_unseen(drive);
     this.draw_trip(drive);
     this.draw_marks(drive);
-    if (this.is_whole()) this.draw_values(drive);
+    this.gauge.take(drive);
     this.controls.update(drive, is_live);
+    this.draw_opened();
+    if (this.is_whole()) this.draw_values(drive);
     this.draw_ages();
+    this.begin_curve();
+  }
+
+  /** What is opened of it. Where there is room for all, all of it is. */
+  draw_opened() {
+    const is_all = cards.size === 1 || (are_rows && this.is_whole());
+    const may_operate = this.controls.is_offered_at_all;
+    this.has_details = is_all || this.opened.details;
+    show(this.operate, may_operate && !is_all);
+    show(this.more, !is_all);
+    attribute(this.operate, "aria-expanded", this.opened.operate);
+    attribute(this.more, "aria-expanded", this.opened.details);
+    show(this.controls.element, may_operate && (is_all || this.opened.operate));
+    show(this.details, this.has_details);
+    this.element.classList.toggle("detailed", this.has_details);
+    const is_whole = this.is_whole();
+    if (this.was_whole !== is_whole) requestAnimationFrame(() => this.fit());
+    this.was_whole = is_whole;
   }
 
   /** Whether all of it is shown, and not only a row. */
   is_whole() {
     return !are_rows || location.hash === `#${this.element.id}`;
+  }
+
+  /** Whether its motor is known to stand now: what is old, ordered to run or not yet stopped may run. */
+  stands() {
+    const { presence, run_state, may_still_run, output_frequency_hz: output, oldest_ms, control, values = [] } = this.drive ?? {};
+    const is_old = oldest_ms === null || values.some(({ role: of, quality }) => of === "output_frequency" && quality !== "good");
+    const is_open = RUNS.has(control?.intent) || control?.command_pending || control?.stop_pending || control?.not_effective;
+    const is_at_rest = (run_state === "stopped" && !(output > 0)) || (run_state === "tripped" && output === 0);
+    return is_live && presence === "online" && is_at_rest && !may_still_run && !is_old && !is_open;
   }
 
   figure(element, value) {
@@ -243,6 +339,7 @@ class Card {
   /** A motor that may turn where the gateway does not see it is told in place of all that is not known any more. */
   draw_unseen({ may_still_run, last_seen, control }) {
     this.element.classList.toggle("unseen-drive", may_still_run === true);
+    if (may_still_run && this.unseen.hidden) requestAnimationFrame(() => this.fit());
     show(this.unseen, may_still_run === true);
     if (!may_still_run) return;
     const stage = control?.failsafe?.stage;
@@ -265,7 +362,10 @@ class Card {
     const is_active = trip.active === true;
     this.trip.classList.toggle("active", is_active);
     show(this.trip, is_active || trip.count > 0);
-    text(this.trip, `${t(is_active ? "trip.active" : "trip.last")} ${in_words(name)}${when}${often}`);
+    const named = [t(is_active ? "trip.active" : "trip.last"), in_words(name)].filter(Boolean).join(" ");
+    text(this.trip, `${named}${when}${often}`);
+    // One without a name is told with its time.
+    this.trip_name = name === "" ? this.trip.textContent : named;
     const at_trip = Object.entries(trip.values ?? {}).filter(([, { value, unit: of }]) => of && value !== null);
     show(this.at_trip, at_trip.length > 0 && !this.trip.hidden);
     text(this.at_trip, t("trip.values", { values: at_trip.map(([key, { value, unit: of }]) => `${role(key.replace(/^trip_/, ""))} ${number(value)} ${unit(of)}`).join(", ") }));
@@ -292,14 +392,15 @@ class Card {
 
   draw_marks({ presence, status, control, watchdog, trip, warning, standby, output_frequency_hz }) {
     this.element.classList.toggle("astray", Boolean(control?.output_outside || control?.stopped_elsewhere));
+    const stage = control?.failsafe?.stage;
     const marks = [
-      [control?.output_outside, "bad", t("mark.output_outside", { output: number(output_frequency_hz, 2), least: control?.min_hz, most: control?.max_hz })],
-      [control?.stopped_elsewhere, "bad", t("mark.stopped_elsewhere")],
-      [presence === "offline", "bad", t("mark.offline")],
+      [control?.output_outside, "open", t("mark.output_outside", { output: number(output_frequency_hz, 2), least: control?.min_hz, most: control?.max_hz })],
+      [control?.stopped_elsewhere, "open", t("mark.stopped_elsewhere")],
+      [presence === "offline", "unknown", t("mark.offline")],
       [standby === "listening", "info", t("mark.standby")],
-      [control?.not_effective, "bad", t("mark.not_effective")],
-      [control?.failsafe, "bad", t(`mark.failsafe.${control?.failsafe?.stage}`)],
-      [control?.stop_pending, "bad", t("mark.stop_pending")],
+      [control?.not_effective, "open", t("mark.not_effective")],
+      [control?.failsafe, OPEN_STAGES.has(stage) ? "open" : "bad", t(`mark.failsafe.${stage}`)],
+      [control?.stop_pending, "open", t("mark.stop_pending")],
       [status?.local === true, "warn", t("mark.local")],
       [status?.alarm === true, "warn", t("mark.alarm")],
       [warning, "warn", t("mark.warning", { warning })],
@@ -312,34 +413,64 @@ class Card {
       [!control, "info", t("mark.read_only")],
     ].filter(([is]) => is);
     const wanted = marks.map(([, kind, label]) => `${kind}:${label}`).join("|");
+    this.marked = marks.map(([, kind, label]) => [RANKS[kind], label, KINDS[kind]]);
     if (this.marks.dataset.shown === wanted) return;
     this.marks.dataset.shown = wanted;
-    fill(this.marks, ...marks.map(([, kind, label]) => h("li", { class: kind }, label)));
+    fill(this.marks, ...marks.map(([, kind, label]) => h("li", { class: KINDS[kind] }, label)));
+  }
+
+  /** The most important of all there is to say, whole, and how many others there are. */
+  draw_said() {
+    const { trip } = this.drive;
+    const told = this.controls.told_kind();
+    const told_rank = told === null ? Infinity : told === "good" ? DONE_RANK : 0;
+    const all = [...this.marked, [OWNER_RANK + (this.drive.control?.owner ? 0 : 3), this.owner.textContent || t("mark.read_only"), "info"]];
+    if (trip?.active === true) all.push([TRIP_RANK, this.trip_name, "bad"]);
+    all.sort(([one], [other]) => one - other);
+    const [rank, label, kind] = all[0];
+    const is_result = told_rank <= rank;
+    const others = all.filter(([of]) => of < OWNER_RANK).length - (is_result || rank >= OWNER_RANK ? 0 : 1);
+    show(this.controls.result, is_result);
+    show(this.said, !is_result);
+    const sentence = others > 0 ? t("drive.said", { label, count: others }) : label;
+    const is_other = this.said.textContent !== sentence;
+    attribute(this.said, "class", `words ${kind}`);
+    text(this.said, sentence);
+    if (is_other && this.is_seen && !is_result) fit(this.said, SURE.said);
+    if (is_result && this.is_seen && this.fitted !== this.controls.result.textContent) {
+      this.fitted = this.controls.result.textContent;
+      fit(this.controls.result, SURE.said);
+    }
   }
 
   draw_values({ values = [], usage }) {
     const is_first = (value) => value.unit && value.unit !== "Hz" && value.unit !== "s";
     const rank = ({ role }) => (LOOKED_FOR.includes(role) ? LOOKED_FOR.indexOf(role) : LOOKED_FOR.length);
     const by_rank = values.filter(is_first).sort((one, other) => rank(one) - rank(other));
-    const first = by_rank.slice(0, FIRST_VALUES);
-    const others = [...values.filter((value) => !first.includes(value)), ...used(usage)];
-    keyed(this.values, this.rows, first, (value) => value.name, (value) => new Row(value));
-    keyed(this.others, this.rest, others, (value) => value.name, (value) => new Row(value));
+    const first = by_rank.slice(0, FIRST_VALUES).filter(({ role: of }) => LOOKED_FOR.includes(of));
+    const all = this.has_details ? [...by_rank, ...values.filter((value) => !by_rank.includes(value)), ...used(usage)] : [];
+    const name = (value) => value.name;
+    keyed(this.facts, this.rows, first, name, (value) => new Row(value, t(`short.${value.role}`)));
+    keyed(this.values, this.rest, all, name, (value) => new Row(value, value_label(value)));
     first.forEach((value) => this.rows.get(value.name).take(value));
-    others.forEach((value) => this.rest.get(value.name).take(value));
-    show(this.details, others.length > 0);
-    text(this.summary, t("drive.more_values", { count: others.length }));
+    all.forEach((value) => this.rest.get(value.name).take(value));
   }
 
   /** Ages go on between what the gateway tells. */
   draw_ages() {
     const { drive } = this;
-    if (!drive || !this.is_whole()) return;
+    if (!drive) return;
+    this.element.classList.toggle("stands", this.stands());
     const now = performance.now();
+    if (!this.is_whole()) {
+      this.draw_owner(drive, now - (drive.control?.taken ?? now));
+      return this.draw_said();
+    }
     [...this.rows.values(), ...this.rest.values()].forEach((row) => row.draw_age(now));
     const oldest_ms = drive.oldest_ms ?? null;
     text(this.age, oldest_ms === null ? t("drive.no_fresh_value") : t("drive.oldest", { age: span(oldest_ms + now - this.aged) }));
     this.draw_owner(drive, now - (drive.control?.taken ?? now));
+    this.draw_said();
   }
 
   draw_owner({ control, may_still_run }, since) {
@@ -355,7 +486,6 @@ class Card {
     else if (every_ms === null) text(this.owner, `${t("owner.client", { owner: control.owner })}${left}${order}`);
     else if (leases.is_refused(this.name)) text(this.owner, `${t("owner.tab_refused")}${left}${order}`);
     else text(this.owner, `${t("owner.tab", { every: span(every_ms) })}${left}${order}`);
-    attribute(this.owner, "title", this.owner.textContent);
     this.owner.classList.toggle("ours", every_ms !== null && Boolean(control.owner));
   }
 }
@@ -367,8 +497,7 @@ function in_words(sentence) {
 
 /** A value with its name, unit and quality. */
 class Row {
-  constructor(value) {
-    const label = value_label(value);
+  constructor(value, label) {
     this.decimals = 0;
     this.value = null;
     this.number = h("span", { class: "number" });

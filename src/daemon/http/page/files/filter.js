@@ -2,7 +2,7 @@
 
 import { add, attribute, fill, h, show } from "./dom.js";
 import * as drives from "./drives.js";
-import { number, t, words } from "./texts.js";
+import { number, t } from "./texts.js";
 import { called } from "./titles.js";
 
 /** A motor that may run unseen is counted before all else. */
@@ -20,9 +20,12 @@ let part = null;
 let chosen = null;
 let state = null;
 let written = "";
+let empty = null;
 
-/** Puts the box into `element` and the counts into `list`. */
-export function start(element, list) {
+/** Puts the box into `element`, the counts into `list`, and into `none` what is said where no drive is left. */
+export function start(element, list, none) {
+  empty = none;
+  add(empty, t("filter.empty"), " ", h("button", { type: "button", class: "link", click: clear }, t("filter.clear")));
   counts = list;
   box = element;
   input = h("input", { type: "search", placeholder: t("filter.name"), "aria-label": t("filter.with"), autocomplete: "off", input: apply });
@@ -62,7 +65,7 @@ function button(word, many) {
     "button",
     { type: "button", class: "count", "data-state": word, "aria-pressed": String(word === state), click: () => choose(word) },
     h("b", {}, number(many)),
-    ` ${words(word)}`,
+    ` ${t(`count.${word}`, { count: many })}`,
   );
 }
 
@@ -77,12 +80,22 @@ function choose(word) {
   apply();
 }
 
+function clear() {
+  input.value = part.value = "";
+  if (state !== null) choose(state);
+  apply();
+  input.focus();
+}
+
 function apply() {
   written = input.value.trim().toLowerCase();
   const [key, wanted] = part.value.split(/:(.*)/s);
   const texts = ({ name, line, group: of, vendor, title, model }) =>
     [name, called("drives", name), line, called("lines", line), of, called("groups", of), vendor, title, model].join(" ").toLowerCase();
   const is_chosen = (drive) => (chosen === null || chosen.has(drive.name)) && (key === "" || drive[key] === wanted);
-  drives.filter((drive) => is_chosen(drive) && texts(drive).includes(written));
+  const is_wanted = (drive) => is_chosen(drive) && texts(drive).includes(written);
+  drives.filter(is_wanted);
+  const all = drives.all();
+  show(empty, all.length > 0 && !all.some(is_wanted));
   attribute(box, "data-filtered", chosen === null && written === "" && key === "" ? null : "");
 }

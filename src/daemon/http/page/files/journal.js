@@ -72,6 +72,7 @@ export class Journal {
     const path = this.path(SHOWN, "json");
     attribute(this.csv, "href", this.path(EXPORTED, "csv"));
     attribute(this.json, "href", this.path(EXPORTED, "json"));
+    if (!this.body.hasChildNodes()) text(this.message, t("loading"));
     const drive = this.drive.value;
     show(this.used, drive !== "");
     attribute(this.used, "href", query("api/v1/usage", { drive, format: "csv" }));

@@ -1,6 +1,6 @@
 // Cards or rows, and in which order.
 
-import { add, attribute, h, show } from "./dom.js";
+import { add, h, show, text } from "./dom.js";
 import * as drives from "./drives.js";
 import { keep, kept } from "./kept.js";
 import { t } from "./texts.js";
@@ -38,7 +38,7 @@ export function start(element, list) {
   tools = element;
   place = list;
   order = h("select", { change: sort }, ...ORDERS.map(([word, label]) => h("option", { value: word }, label)));
-  rows = h("button", { type: "button", class: "plain", click: choose }, t("layout.rows"));
+  rows = h("button", { type: "button", class: "plain", click: choose });
   add(tools, h("label", { class: "choice" }, h("span", {}, t("layout.order")), order), rows);
   PHONE.addEventListener("change", apply);
   addEventListener("hashchange", () => drives.redraw());
@@ -72,7 +72,7 @@ function is_rows() {
 function apply() {
   const is = is_rows();
   place.classList.toggle("rows", is);
-  attribute(rows, "aria-pressed", is);
+  text(rows, t(is ? "layout.cards" : "layout.rows"));
   show(rows, !PHONE.matches);
   drives.as_rows(is);
 }

@@ -66,6 +66,7 @@ export class Panel {
   async load() {
     const line = this.line.value;
     if (!line) return;
+    if (!this.body.hasChildNodes()) text(this.message, t("loading"));
     const { answer, error } = await document_at(`api/v1/lines/${encodeURIComponent(line)}/report`, this.element);
     if (line !== this.line.value) return;
     if (!answer) {

@@ -16,7 +16,7 @@ export class Tabs {
           role: "tab",
           id: `tab-${panel.id}`,
           "aria-controls": panel.id,
-          click: () => this.choose(panel),
+          click: () => this.take(panel),
           keydown: (event) => this.key(event),
         },
         panel.label,
@@ -35,14 +35,23 @@ export class Tabs {
     this.choose(this.panels.find((panel) => panel.id === wanted && !panel.tab.hidden) ?? this.panels[0]);
   }
 
+  /** Whether the address names one of them. */
+  is_named() {
+    return this.panels.some(({ id }) => location.hash === `#${id}`);
+  }
+
   choose(panel) {
     if (this.chosen === panel) return;
     this.chosen?.part.close();
-    const was_chosen = this.chosen !== null;
     this.chosen = panel;
     this.draw();
     panel.part.open();
-    if (was_chosen) history.replaceState(null, "", `#${panel.id}`);
+  }
+
+  /** A person has chosen it. */
+  take(panel) {
+    this.choose(panel);
+    history.replaceState(null, "", `#${panel.id}`);
   }
 
   /** This gateway does not serve what the panel shows. */
@@ -78,7 +87,7 @@ export class Tabs {
     const to = { ArrowRight: at === last ? 0 : at + 1, ArrowLeft: at === 0 ? last : at - 1, Home: 0, End: last }[event.key];
     if (to === undefined) return;
     event.preventDefault();
-    this.choose(panels[to]);
+    this.take(panels[to]);
     panels[to].tab.focus();
   }
 }

@@ -14,8 +14,19 @@ const DRIVES_MAX = 4;
 /** One value of each of these is shown unless others are chosen. */
 const USUAL_UNITS = ["Hz", "Hz", "A", "V"];
 
+let library = null;
+
+/** What draws the curves is fetched with the first of them. */
+function fetch_library() {
+  library ??= new Promise((done, failed) => {
+    const script = h("script", { src: "assets/uplot.min.js", load: done, error: failed });
+    add(document.head, h("link", { rel: "stylesheet", href: "assets/uplot.min.css" }), script);
+  });
+  return library.catch(() => (library = null));
+}
+
 /** The panel of the trend. */
-export class Trend {
+export class Panel {
   constructor(element) {
     this.element = element;
     this.drives = new Choice(t("trend.drives"), () => this.load(), "drives");
@@ -71,9 +82,11 @@ export class Trend {
     this.wanted = wanted;
     this.loaded = performance.now();
     if (drives.length === 0) return this.tell(t("trend.choose"));
+    if (this.answers.length === 0) this.tell(t("loading"));
     const path = (drive, more) => query("api/v1/trend", { drive, span, values, ...more });
     const all = await Promise.all(drives.map((drive) => document_at(path(drive, {}), this.element)));
     const marks = await this.load_marks(drives, span);
+    await fetch_library();
     if (!this.is_open || wanted !== this.wanted) return;
     const wrong = all.find(({ answer }) => !answer);
     if (wrong) return this.tell(wrong.error);
