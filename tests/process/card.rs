@@ -160,3 +160,17 @@ fn a_search_without_a_hit_says_so_and_counts_agree_with_their_number() {
     crowded(&browser);
     browser.wait_for_text("#counts [data-state='stopped']", "9 stehen");
 }
+
+#[test]
+fn who_may_only_stop_a_drive_stops_it_and_lets_it_coast() {
+    let shop = Shop::open(true);
+    let browser = signed_in(&shop);
+    browser.script(
+        "return Promise.all(['session', 'drives'].map((name) => import(`/assets/${name}.js`))).then(([session, drives]) => { \
+         session.current().groups = ['other']; drives.redraw(); return 0; })",
+    );
+    let seen = "return [...document.querySelectorAll('#drive-pump-1 :is(button, input)')].filter((it) => it.checkVisibility()).map((it) => it.innerText)";
+    assert_eq!(browser.script(seen), json!(["STOP", "Coast"]));
+    browser.click(&in_card(".coast"));
+    browser.wait_for_text(&in_card(".said"), "coast ");
+}
