@@ -22,7 +22,6 @@ use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
 use crate::wire::exception;
 use sources::MeasurementSources;
-use table::{CONTROL_LAST, PICTURE_WORDS};
 
 /// Addresses of the uniform map that can be written.
 pub mod address {
@@ -94,7 +93,7 @@ impl UniformUnit {
                 table: WordTable::Input,
                 address,
                 count,
-            } if last(*address, *count) >= PICTURE_WORDS => {
+            } if !Self::are_of_view(last(*address, *count)) => {
                 RequestAction::Exception(exception::ILLEGAL_DATA_ADDRESS)
             }
             ModbusRequest::ReadWords { address, count, .. } => {
@@ -132,8 +131,8 @@ impl UniformUnit {
         present: &RequestContext,
         words: &mut WordBuffer,
     ) -> RequestAction {
-        let is_there = last(address, count) < PICTURE_WORDS
-            || address >= address::RUN && last(address, count) <= CONTROL_LAST;
+        let last = last(address, count);
+        let is_there = Self::are_of_view(last) || Self::are_of_control(address, last);
         let is_filled =
             is_there && words.fill(address, count, |address| self.word(address, view, present));
         if is_filled {

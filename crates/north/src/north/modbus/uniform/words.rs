@@ -3,8 +3,8 @@
 use super::super::taken::RequestContext;
 use super::column::{ABSENT, unsigned};
 use super::order::run_word;
-use super::table::row_at;
-use super::{UniformUnit, run, status};
+use super::table::{CONTROL_LAST, PICTURE_WORDS, row_at};
+use super::{UniformUnit, address, run, status};
 use crate::domain::address::Address;
 use crate::domain::command::Owner;
 use crate::domain::time::MonoTime;
@@ -21,6 +21,16 @@ pub(super) struct WordContext<'v> {
 }
 
 impl UniformUnit {
+    /// Whether the words up to `last` are those of the view, which input registers have as well.
+    pub(super) const fn are_of_view(last: u16) -> bool {
+        last < PICTURE_WORDS
+    }
+
+    /// Whether the words from `first` to `last` are those of control.
+    pub(super) const fn are_of_control(first: u16, last: u16) -> bool {
+        first >= address::RUN && last <= CONTROL_LAST
+    }
+
     /// The holding register at `address`; `None` outside of the map.
     pub(in super::super) fn word(
         &self,
