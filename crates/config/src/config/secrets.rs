@@ -6,8 +6,10 @@ use toml::de::{DeTable, DeValue};
 
 /// What begins the hash of a password.
 const HASH: &str = "$argon2";
-/// Parts of the names of keys whose values are secret.
-const SECRET_KEYS: [&str; 4] = ["password", "passphrase", "secret", "token"];
+/// What every private key has in its first line.
+const PRIVATE_KEY: &str = "PRIVATE KEY-----";
+/// Parts of the names of keys whose values are secret. That of `key_file` is one if the key itself was put there.
+const SECRET_KEYS: [&str; 5] = ["password", "passphrase", "secret", "token", "key_file"];
 /// A shorter secret is hidden in a message only where it stands as a word: it may be a part of any other.
 const WORD_LEAST: usize = 4;
 /// What stands in a message for a secret.
@@ -119,7 +121,9 @@ impl<'a> TextSecrets<'a> {
                 .iter()
                 .for_each(|value| self.look_at(value, is_secret)),
             DeValue::Boolean(_) => {}
-            DeValue::String(text) if is_secret || text.contains(HASH) => {
+            DeValue::String(text)
+                if is_secret || text.contains(HASH) || text.contains(PRIVATE_KEY) =>
+            {
                 self.hide(value.span(), text)
             }
             DeValue::String(text) => self.look_at_url(value.span(), text),
@@ -137,6 +141,11 @@ impl<'a> TextSecrets<'a> {
             secret.trim().to_owned(),
             secret.trim().escape_debug().to_string(),
         ]);
+        // A message has the lines of a value beside each other.
+        if secret.trim().contains('\n') {
+            let lines = secret.lines().map(|line| line.trim().to_owned());
+            self.words.extend(lines);
+        }
     }
 
     /// The user, the password and the query of a URL, or all of it where they are not written as they are meant.
@@ -238,8 +247,10 @@ fn begins_entry(line: &str) -> bool {
 
 /// What must not be shown of `line`: from a password or a hash to its end, or the user and password of a URL.
 fn secret_in(line: &str) -> Option<Range<usize>> {
-    if let Some(begin) = [password_in(line), line.find(HASH)]
+    let begins = [HASH, PRIVATE_KEY].map(|secret| line.find(secret));
+    if let Some(begin) = [password_in(line)]
         .into_iter()
+        .chain(begins)
         .flatten()
         .min()
     {
@@ -273,6 +284,9 @@ fn password_in(line: &str) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const PEM: &str =
+        "-----BEGIN PRIVATE KEY-----\nhunter2\nhunter3==\n-----END PRIVATE KEY-----\n";
 
     /// What is shown of `text`, in which every secret has the word `hunter`.
     fn shown(text: &str) -> String {
@@ -329,6 +343,13 @@ mod tests {
             format!("{usual}{http}pasword_hash = \"hunter2\"\npw = \"hunter3\"\n"),
             format!("{usual}{http}password_hash = \"hunter2\"\n"),
             format!("{usual}{http}password_hash_file = \"hunter2\"\n"),
+            format!("{usual}{http}[http.tls]\ncert_file = \"/c\"\nkey_file = \"hunter2\"\n"),
+            format!(
+                "{usual}{http}[http.tls]\ncert_file = \"/c\"\nkey_file = \"\"\"\n{PEM}\"\"\"\n"
+            ),
+            format!("{usual}{http}[http.tls]\ncert_file = \"\"\"{PEM}\"\"\"\nkey_file = \"/k\"\n"),
+            format!("{usual}{http}# {}", PEM.replace('\n', "\n# ")),
+            format!("{usual}{http}[http.tls]\ncert_file = \"\"\"{PEM}"),
         ] {
             shown(&text);
             let problems = crate::config::load(&text, &crate::vendors::catalog()).unwrap_err();
@@ -338,7 +359,9 @@ mod tests {
         let known = crate::config::file::reference::names().into_iter();
         let known = known.filter(|key| is_secret_key(key));
         assert!(
-            known.clone().all(|key| key.contains("password")),
+            known
+                .clone()
+                .all(|key| key.contains("password") || key.ends_with("key_file")),
             "{:?}",
             known.collect::<Vec<_>>()
         );
