@@ -236,7 +236,9 @@ fn stop_is_filled_unless_the_motor_is_known_to_stand() {
         ))
     };
     for state in ["stopped", "tripped", "inhibited", "tripped before"] {
-        assert_eq!(outlined(state), true, "{state}");
+        until("the motor has shown rest for long", PATIENCE, || {
+            (outlined(state) == true).then_some(())
+        });
     }
     for state in [
         "running",

@@ -4,7 +4,7 @@ use super::file::ConfigFile;
 use super::lists;
 use crate::domain::ids::Name;
 use crate::domain::problem::Problem;
-use crate::north::titles::{PartTitle, PlantTitles};
+use crate::north::titles::{PartTitle, PlantTitles, as_seen};
 use crate::toml_file::{LocatedValue, RequiredKey};
 use std::collections::BTreeMap;
 
@@ -22,21 +22,59 @@ pub(super) fn settle(file: &ConfigFile, problems: &mut Vec<Problem>) -> PlantTit
             name.warn(what, right, problems);
         }
     }
-    let lines = file.lines.iter();
-    let groups = file.groups.iter();
+    let drives: Vec<_> = file
+        .drives()
+        .map(|it| (&it.name, it.title.valid()))
+        .collect();
+    let groups = file.groups.iter().map(|it| (&it.name, it.title.as_ref()));
+    let groups: Vec<_> = groups.collect();
+    let lines = file.lines.iter().map(|it| (&it.name, it.title.valid()));
+    let lines: Vec<_> = lines.collect();
+    for (parts, kind) in [(&drives, "drive"), (&groups, "group"), (&lines, "line")] {
+        titles_differ(parts, kind, problems);
+    }
     PlantTitles {
-        drives: by_name(file.drives().map(|it| (&it.name, it.title.valid()))),
+        drives: by_name(&drives),
         gateway: file.gateway.title.valid().map(|it| it.value.clone()),
-        groups: by_name(groups.map(|it| (&it.name, it.title.as_ref()))),
-        lines: by_name(lines.map(|it| (&it.name, it.title.valid()))),
+        groups: by_name(&groups),
+        lines: by_name(&lines),
+    }
+}
+
+/// The name and the title of a part.
+type TitledPart<'a> = (&'a RequiredKey<Name>, Option<&'a LocatedValue<PartTitle>>);
+
+/// Reports each title that looks like the name or an earlier title of another part: a person would go to the wrong motor.
+fn titles_differ(parts: &[TitledPart<'_>], kind: &str, problems: &mut Vec<Problem>) {
+    let titled = parts.iter().enumerate();
+    for (index, title) in titled.filter_map(|(index, part)| Some((index, part.1?))) {
+        let seen = as_seen(title.value.as_str());
+        let looks_so = |(other, (name, title)): &(usize, &TitledPart<'_>)| {
+            let has_name = || {
+                name.as_ref()
+                    .is_some_and(|it| as_seen(it.value.as_str()) == seen)
+            };
+            let has_title = || title.is_some_and(|it| as_seen(it.value.as_str()) == seen);
+            *other != index && (has_name() || *other < index && has_title())
+        };
+        if let Some((other, _)) = parts.iter().enumerate().find(looks_so) {
+            let of = parts[other].0.as_ref().map(|name| name.value.to_string());
+            let of = of.unwrap_or_default();
+            let what = format!("another {kind}, `{of}`, has this name or title already");
+            title.refuse(
+                what,
+                format!("a title of its own for each {kind}"),
+                problems,
+            );
+        }
     }
 }
 
 /// The titles of those that have one.
-fn by_name<'a>(
-    parts: impl Iterator<Item = (&'a RequiredKey<Name>, Option<&'a LocatedValue<PartTitle>>)>,
-) -> BTreeMap<String, PartTitle> {
-    let titled = parts.filter_map(|(name, title)| name.as_ref().zip(title));
+fn by_name(parts: &[TitledPart<'_>]) -> BTreeMap<String, PartTitle> {
+    let titled = parts
+        .iter()
+        .filter_map(|(name, title)| name.as_ref().zip(*title));
     titled
         .map(|(name, title)| (name.value.to_string(), title.value.clone()))
         .collect()

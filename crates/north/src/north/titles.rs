@@ -87,7 +87,8 @@ impl PlantTitles {
 #[must_use]
 pub fn labelled(name: &str, title: Option<&PartTitle>) -> String {
     match title {
-        Some(title) => format!("{name} \"{}\"", title.isolated()),
+        // A quotation mark would end it early.
+        Some(title) => format!("{name} \"{}\"", title.isolated().replace('"', "'")),
         None => name.to_owned(),
     }
 }
@@ -100,9 +101,29 @@ fn acts_on_others(c: char) -> bool {
         || matches!(c, '\u{FEFF}' | '\u{FFF9}'..='\u{FFFB}' | '\u{E0000}'..='\u{E007F}')
 }
 
-/// Whether `c` is more than a space or one of the marks between letters.
+/// What is seen of `text`, in small letters: two texts with the same are taken for one another.
+#[must_use]
+pub fn as_seen(text: &str) -> String {
+    let seen = text.chars().filter(|c| is_seen(*c));
+    seen.flat_map(char::to_lowercase).collect()
+}
+
+/// Whether `c` is more than a space, one of the marks between letters, a filler or a variant of the letter before it.
 fn is_seen(c: char) -> bool {
-    !c.is_whitespace() && !matches!(c, '\u{200C}'..='\u{200F}' | '\u{61C}')
+    !c.is_whitespace()
+        && !matches!(
+            c,
+            '\u{200C}'
+                ..='\u{200F}'
+                    | '\u{61C}'
+                    | '\u{34F}'
+                    | '\u{115F}'
+                    | '\u{1160}'
+                    | '\u{17B4}'
+                    | '\u{17B5}'
+        )
+        && !matches!(c, '\u{180B}'..='\u{180F}' | '\u{2800}' | '\u{3164}' | '\u{FE00}'..='\u{FE0F}' | '\u{FFA0}')
+        && !matches!(c, '\u{E0100}'..='\u{E01EF}')
 }
 
 /// Whether `c` is in a block of right-to-left letters (Unicode 16.0, DerivedBidiClass), or their mark.

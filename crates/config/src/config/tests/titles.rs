@@ -70,6 +70,22 @@ fn a_title_is_short_and_acts_on_no_other_text() {
     );
 }
 
+#[test]
+fn no_two_drives_look_alike() {
+    let second = |title: &str| {
+        let titled = format!("name = \"pump-2\"\ntitle = \"{title}\"\n");
+        with(&everywhere(), "name = \"pump-2\"\n", &titled)
+    };
+    good(&second("Umwälzpumpe 2"));
+    // Also in capitals, with a mark that is not seen, or as the name of another.
+    for title in ["Umwälzpumpe", "UMWÄLZPUMPE", "Umwälz\\uFE0Fpumpe", "pump-1"] {
+        only(
+            &second(title),
+            "line[0].drive[1].title: another drive, `pump-1`, has this name or title already; a title of its own for each drive",
+        );
+    }
+}
+
 /// Why a title with this character is refused.
 fn hidden(code: &str) -> String {
     format!("contains the character U+{code}, which is not shown and acts on other text")

@@ -74,6 +74,9 @@ export class Controls {
   /** This is what people call the drive. */
   rename(shown) {
     this.shown = shown;
+    // What was begun under another name was meant for another motor.
+    this.holds.forEach((hold) => hold.enable(false));
+    this.input.value = "";
     const labels = [[this.stop, "action.stop_drive"], [this.coast, "action.coast_drive"], [this.stops, "drive.stops"], [this.element, "drive.control"]];
     for (const [element, key] of labels) attribute(element, "aria-label", t(key, { drive: shown }));
   }
@@ -139,9 +142,10 @@ export class Controls {
     if (this.form.title !== title) this.form.title = title;
     for (const [word, label, kind] of ACTIONS) {
       const hold = this.holds.get(word);
-      show(hold.element, this.is_offered(word, kind, can));
+      const is_offered = this.is_offered(word, kind, can);
+      show(hold.element, is_offered);
       // What would be run at a number that is not allowed is not run at all.
-      const is_on = this.is_live && this.is_useful(word) && !(kind === "run" && is_wrong);
+      const is_on = is_offered && this.is_live && this.is_useful(word) && !(kind === "run" && is_wrong);
       if (hold.is_off === is_on || !hold.element.hasAttribute("aria-disabled")) hold.enable(is_on);
       hold.rename(kind === "run" && draft !== null ? t("action.at", { action: label, hertz: draft }) : label);
     }

@@ -26,6 +26,8 @@ const RANKS = { open: 1, unknown: 2, bad: 3, warn: 3, info: 6 };
 const KINDS = { open: "bad", bad: "bad", unknown: "unknown", warn: "warn", info: "info" };
 const TRIP_RANK = 2;
 const DONE_RANK = 2.5;
+/** How long a motor must show rest: registers that read as 0 for a second or two were seen in the field. */
+const STANDS_AFTER_MS = 3000;
 const OWNER_RANK = 4;
 /** Texts of so many letters have room in the narrowest card. */
 const SURE = { name: 32, said: 52 };
@@ -139,6 +141,8 @@ class Card {
     /** What people call it; not written anywhere yet. */
     this.shown = null;
     this.drive = null;
+    /** Since when the motor shows rest. */
+    this.rests_since = null;
     this.aged = 0;
     this.rows = new Map();
     this.rest = new Map();
@@ -322,13 +326,21 @@ class Card {
     return !are_rows || location.hash === `#${this.element.id}`;
   }
 
-  /** Whether its motor is known to stand now: what is old, ordered to run or not yet stopped may run. */
+  /** Whether its motor is known to stand: it has shown rest for so long. */
   stands() {
-    const { presence, run_state, may_still_run, output_frequency_hz: output, oldest_ms, control, values = [] } = this.drive ?? {};
-    const is_old = oldest_ms === null || values.some(({ role: of, quality }) => of === "output_frequency" && quality !== "good");
+    const now = performance.now();
+    this.rests_since = this.shows_rest() ? this.rests_since ?? now : null;
+    return this.rests_since !== null && now - this.rests_since >= STANDS_AFTER_MS;
+  }
+
+  /** Whether its motor shows rest now: what is old, out of sight, ordered to run or not yet stopped may run. */
+  shows_rest() {
+    const { presence, run_state, may_still_run, output_frequency_hz: output, oldest_ms, control, standby, values = [] } = this.drive ?? {};
+    const is_fresh = oldest_ms !== null && values.some(({ role: of, quality }) => of === "output_frequency" && quality === "good");
     const is_open = RUNS.has(control?.intent) || control?.command_pending || control?.stop_pending || control?.not_effective;
-    const is_at_rest = (run_state === "stopped" && !(output > 0)) || (run_state === "tripped" && output === 0);
-    return is_live && presence === "online" && is_at_rest && !may_still_run && !is_old && !is_open;
+    const is_at_rest = (run_state === "stopped" || run_state === "tripped") && output === 0;
+    const is_seen = is_live && presence === "online" && standby !== "listening" && !may_still_run && is_fresh;
+    return is_seen && is_at_rest && !is_open && this.controls.told_kind() !== "pending";
   }
 
   figure(element, value) {
