@@ -46,26 +46,22 @@ type TitledPart<'a> = (&'a RequiredKey<Name>, Option<&'a LocatedValue<PartTitle>
 
 /// Reports each title that looks like the name or an earlier title of another part: a person would go to the wrong motor.
 fn titles_differ(parts: &[TitledPart<'_>], kind: &str, problems: &mut Vec<Problem>) {
-    let titled = parts.iter().enumerate();
-    for (index, title) in titled.filter_map(|(index, part)| Some((index, part.1?))) {
-        let seen = as_seen(title.value.as_str());
-        let looks_so = |(other, (name, title)): &(usize, &TitledPart<'_>)| {
-            let has_name = || {
-                name.as_ref()
-                    .is_some_and(|it| as_seen(it.value.as_str()) == seen)
-            };
-            let has_title = || title.is_some_and(|it| as_seen(it.value.as_str()) == seen);
-            *other != index && (has_name() || *other < index && has_title())
+    let named = parts
+        .iter()
+        .filter_map(|(name, title)| Some((name.as_ref()?.value.as_str(), title)));
+    let mut taken: BTreeMap<_, _> = named
+        .clone()
+        .map(|(name, _)| (as_seen(name), name))
+        .collect();
+    for (name, title) in named {
+        let Some(title) = title else {
+            continue;
         };
-        if let Some((other, _)) = parts.iter().enumerate().find(looks_so) {
-            let of = parts[other].0.as_ref().map(|name| name.value.to_string());
-            let of = of.unwrap_or_default();
-            let what = format!("another {kind}, `{of}`, has this name or title already");
-            title.refuse(
-                what,
-                format!("a title of its own for each {kind}"),
-                problems,
-            );
+        let other = *taken.entry(as_seen(title.value.as_str())).or_insert(name);
+        if other != name {
+            let what = format!("another {kind}, `{other}`, has this name or title already");
+            let right = format!("a title of its own for each {kind}");
+            title.refuse(what, right, problems);
         }
     }
 }

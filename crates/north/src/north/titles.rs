@@ -3,6 +3,7 @@
 use serde::{Deserialize, Deserializer, Serialize};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
 /// What people call a part of the plant: 1 to 80 characters of any language on one line, of which none acts on the text
 /// beside it.
@@ -108,23 +109,26 @@ pub fn as_seen(text: &str) -> String {
     seen.flat_map(char::to_lowercase).collect()
 }
 
-/// Whether `c` is more than a space, one of the marks between letters, a filler or a variant of the letter before it.
+/// Whether `c` is more than a space or one of [`UNSEEN`].
 fn is_seen(c: char) -> bool {
-    !c.is_whitespace()
-        && !matches!(
-            c,
-            '\u{200C}'
-                ..='\u{200F}'
-                    | '\u{61C}'
-                    | '\u{34F}'
-                    | '\u{115F}'
-                    | '\u{1160}'
-                    | '\u{17B4}'
-                    | '\u{17B5}'
-        )
-        && !matches!(c, '\u{180B}'..='\u{180F}' | '\u{2800}' | '\u{3164}' | '\u{FE00}'..='\u{FE0F}' | '\u{FFA0}')
-        && !matches!(c, '\u{E0100}'..='\u{E01EF}')
+    !c.is_whitespace() && !UNSEEN.iter().any(|range| range.contains(&c))
 }
+
+/// Marks between letters, fillers, and marks that choose a variant of the letter before them.
+const UNSEEN: [RangeInclusive<char>; 12] = [
+    '\u{34F}'..='\u{34F}',
+    '\u{61C}'..='\u{61C}',
+    '\u{115F}'..='\u{1160}',
+    '\u{17B4}'..='\u{17B5}',
+    '\u{180B}'..='\u{180D}',
+    '\u{180F}'..='\u{180F}',
+    '\u{200C}'..='\u{200F}',
+    '\u{2800}'..='\u{2800}',
+    '\u{3164}'..='\u{3164}',
+    '\u{FE00}'..='\u{FE0F}',
+    '\u{FFA0}'..='\u{FFA0}',
+    '\u{E0100}'..='\u{E01EF}',
+];
 
 /// Whether `c` is in a block of right-to-left letters (Unicode 16.0, DerivedBidiClass), or their mark.
 const fn is_right_to_left(c: char) -> bool {
@@ -180,7 +184,14 @@ mod tests {
             );
             assert_eq!(why, expected);
         }
-        for empty in ["", " ", "\u{a0}", "\u{200e}\u{200d}"] {
+        for empty in [
+            "",
+            " ",
+            "\u{a0}",
+            "\u{200e}\u{200d}",
+            "\u{3164}",
+            "\u{fe0f}",
+        ] {
             assert_eq!(PartTitle::new(empty).unwrap_err(), "is empty");
         }
         let long = PartTitle::new(&"ü".repeat(81)).unwrap_err();
