@@ -490,7 +490,7 @@ class Card {
     if (!control) return;
     const every_ms = leases.every_ms(this.name);
     const left = control.lease_left_ms === null ? "" : `, ${t("owner.lease", { left: span(Math.max(0, control.lease_left_ms - since)) })}`;
-    const is_run = control.intent === "forward" || control.intent === "reverse";
+    const is_run = RUNS.has(control.intent);
     const set = is_run && control.setpoint_hz !== null ? ` ${number(control.setpoint_hz, 2)} Hz` : "";
     // Without an order to run, a stop is one only while it waits for its effect. None of them reaches a drive out of sight.
     const order = (is_run || control.stop_pending) && !may_still_run ? ` · ${t("owner.order", { order: `${words(control.intent)}${set}` })}` : "";
